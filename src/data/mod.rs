@@ -1,0 +1,53 @@
+//! What users have, as typed frames: X-Humans subjects, motions, body-model files.
+//!
+//! Files -> arrays -> frames. Nothing here knows about training.
+
+mod array;
+
+pub use array::{Array, ArrayData, ArrayMap};
+
+use std::path::PathBuf;
+
+use crate::body::BodyParameters;
+use crate::mesh::TriangleMesh;
+
+/// Where a frame stands in its subject, displayed as `train/Take1/f00001`.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct FrameId {
+    /// `train` or `test`.
+    pub split: String,
+    /// The sequence's folder name.
+    pub sequence: String,
+    /// The number in the file names.
+    pub number: u32,
+}
+
+impl std::fmt::Display for FrameId {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "{}/{}/f{:05}", self.split, self.sequence, self.number)
+    }
+}
+
+/// A frame that exists on disk but is not read yet.
+#[derive(Clone, Debug)]
+pub struct FrameFiles {
+    /// Which frame.
+    pub id: FrameId,
+    /// The scan: `meshes_pkl/mesh-fXXXXX.pkl` or `meshes_ply/mesh-fXXXXX.ply`.
+    pub scan: PathBuf,
+    /// The texture atlas of a raw scan.
+    pub atlas: Option<PathBuf>,
+    /// The registration's parameters.
+    pub parameters: PathBuf,
+}
+
+/// A frame in memory: a coloured scan and the SMPL-X parameters registered to it.
+#[derive(Clone, Debug)]
+pub struct ScanFrame {
+    /// Which frame.
+    pub id: FrameId,
+    /// The scan in world coordinates (the registration's `transl` not subtracted), metres.
+    pub scan: TriangleMesh,
+    /// Parameters; `betas` already replaced by the subject's mean shape.
+    pub parameters: BodyParameters,
+}

@@ -1,0 +1,134 @@
+//! What can go wrong, as data: each variant names the thing, what was found, and the remedy.
+
+use std::path::{Path, PathBuf};
+
+/// Result of every fallible call of this library.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// The errors of this library. Messages name the file, what was found, what was expected and the next step.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused a read or write.
+    #[error("{path}: {source}", path = path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A file or folder that has to be there is not.
+    #[error("{path}: {what} not found; {remedy}", path = path.display())]
+    Missing {
+        /// Where it was looked for.
+        path: PathBuf,
+        /// What is missing.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// A file does not follow its format.
+    #[error("{path}: not a valid {format}: {place} is {found}, expected {expected}", path = path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// The format it was read as.
+        format: &'static str,
+        /// Byte offset, key or line.
+        place: String,
+        /// What stands there.
+        found: String,
+        /// What should stand there.
+        expected: String,
+    },
+    /// A file asks for code to be run, or for more memory than its size can explain.
+    #[error("{path}: refused: {found}; only plain numbers, strings and arrays are read", path = path.display())]
+    Refused {
+        /// The file.
+        path: PathBuf,
+        /// What it asked for.
+        found: String,
+    },
+    /// A valid file that is not what the command needs (an SMPL model for SMPL-X, a wrong gender, ...).
+    #[error("{path}: {found}, expected {expected}; {remedy}", path = path.display())]
+    Mismatch {
+        /// The file.
+        path: PathBuf,
+        /// What it holds.
+        found: String,
+        /// What is needed.
+        expected: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// A value outside its range, or an array of the wrong shape, passed by a caller or a configuration.
+    #[error("{name} is {found}, expected {expected}")]
+    Value {
+        /// The name of the value.
+        name: String,
+        /// What it is.
+        found: String,
+        /// What it may be.
+        expected: String,
+    },
+    /// A configuration key that does not exist.
+    #[error("unknown setting `{key}`; did you mean `{nearest}`?")]
+    UnknownSetting {
+        /// The key as given.
+        key: String,
+        /// The known key closest to it.
+        nearest: String,
+    },
+    /// One frame of a sequence could not be used.
+    #[error("frame {frame}: {source}")]
+    Frame {
+        /// The frame, as `split/sequence/number`.
+        frame: String,
+        /// Why.
+        source: Box<Error>,
+    },
+    /// The field has no surface inside the box that was searched.
+    #[error(
+        "the field has no surface: its values range from {minimum} to {maximum}, the surface is at {level}; train longer or check the data with `xavatar check`"
+    )]
+    NoSurface {
+        /// Smallest value seen.
+        minimum: f32,
+        /// Largest value seen.
+        maximum: f32,
+        /// The level that was searched for.
+        level: f32,
+    },
+    /// A loss or gradient stopped being a number.
+    #[error(
+        "{what} became non-finite at step {step}, frame {frame}; the last checkpoint is kept, resume with a smaller learning rate (--set optimiser.learning_rate=...)"
+    )]
+    NonFinite {
+        /// Which quantity.
+        what: String,
+        /// The step.
+        step: u64,
+        /// The frame, as `split/sequence/number`.
+        frame: String,
+    },
+    /// From the neural fields.
+    #[error(transparent)]
+    Network(#[from] xavatar_network::Error),
+    /// From the deformer.
+    #[error(transparent)]
+    Deformer(#[from] xavatar_deformer::Error),
+}
+
+impl Error {
+    /// An I/O error at `path`; for `map_err`.
+    pub fn io(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.as_ref().to_path_buf();
+        move |source| Self::Io { path, source }
+    }
+
+    /// Names the frame in which `self` happened.
+    #[must_use]
+    pub fn in_frame(self, frame: impl Into<String>) -> Self {
+        Self::Frame { frame: frame.into(), source: Box::new(self) }
+    }
+}

@@ -1,0 +1,14 @@
+//! Animatable neural avatars from 3D scans: implicit geometry, colour and learned skinning (X-Avatar, Shen 2022).
+//!
+//! Data flows one way: files -> [`data`] -> frames -> [`train`] -> [`avatar`] -> [`mesh`] -> pictures, exports, metrics.
+
+pub mod avatar;
+pub mod body;
+pub mod data;
+mod error;
+pub mod evaluate;
+pub mod mesh;
+pub mod render;
+pub mod train;
+
+pub use error::{Error, Result};
