@@ -4,7 +4,7 @@
 //! leave gaps nor overlap. Depth is compared as 1 / z, which is linear over the picture; of equal depths the face that comes
 //! first in the mesh wins. Both sides of a face are drawn. F faces, n x n samples a pixel.
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::camera::Projection;
@@ -58,7 +58,7 @@ pub(super) struct Band {
 }
 
 impl Rasterizer {
-    /// Projects the faces over `points` (camera space, finite, indices in range) onto a picture of `width` x `height` pixels.
+    /// Projects the faces over `points` (camera space, within 1000 km, indices in range) onto a picture of `width` x `height` pixels.
     pub fn new(
         points: &[Vec3],
         faces: &[[u32; 3]],
@@ -131,14 +131,16 @@ impl Grid<'_> {
             self.add(face, corners, block);
             return;
         }
-        let mut polygon = corners.to_vec();
-        clip(&mut polygon, |p| p.z - NEAR);
+        // In f64: a corner may be so far away that rounding would put the cut behind the camera.
+        let guard = guard.as_dvec2();
+        let mut polygon = corners.map(Vec3::as_dvec3).to_vec();
+        clip(&mut polygon, |p| p.z - f64::from(NEAR));
         clip(&mut polygon, |p| guard.x * p.z - p.x);
         clip(&mut polygon, |p| guard.x * p.z + p.x);
         clip(&mut polygon, |p| guard.y * p.z - p.y);
         clip(&mut polygon, |p| guard.y * p.z + p.y);
         for pair in polygon.windows(2).skip(1) {
-            self.add(face, [polygon[0], pair[0], pair[1]], block);
+            self.add(face, [polygon[0], pair[0], pair[1]].map(DVec3::as_vec3), block);
         }
     }
 
@@ -221,7 +223,7 @@ fn owns_its_samples(from: [i64; 2], to: [i64; 2]) -> bool {
 }
 
 /// Keeps the part of a convex polygon where `distance`, a linear function, is not negative.
-fn clip(polygon: &mut Vec<Vec3>, distance: impl Fn(Vec3) -> f32) {
+fn clip(polygon: &mut Vec<DVec3>, distance: impl Fn(DVec3) -> f64) {
     let mut kept = Vec::with_capacity(polygon.len() + 1);
     for (index, &to) in polygon.iter().enumerate() {
         let from = polygon[(index + polygon.len() - 1) % polygon.len()];

@@ -17,6 +17,8 @@ use crate::{Error, Result};
 
 /// n of the n x n samples in a pixel of a picture.
 const SAMPLES: u32 = 2;
+/// Coordinates beyond it are no picture's subject, and their squares would leave f32's range, metres.
+const FARTHEST: f32 = 1e6;
 /// The colour of a mesh without one: a warm plaster, linear.
 const PLASTER: Vec3 = Vec3::new(0.60, 0.59, 0.57);
 /// Background at the top and at the bottom of a picture, linear.
@@ -45,7 +47,7 @@ pub enum View {
 /// A picture of a mesh, 2 x 2 supersampled. The mesh's normals are used where present, else they are computed from its faces.
 ///
 /// # Errors
-/// [`Error::Value`] if the camera is impossible, a vertex is not finite, or indices, normals or colours do not fit the vertices.
+/// [`Error::Value`] if the camera is impossible, or the mesh fails [`TriangleMesh::check`] or reaches farther than 1000 km.
 pub fn render_mesh(mesh: &TriangleMesh, camera: &Camera, view: View) -> Result<RgbImage> {
     let projection = camera.projection()?;
     check(mesh)?;
@@ -90,33 +92,15 @@ fn to_camera(mesh: &TriangleMesh, projection: &Projection) -> Vec<Vec3> {
 }
 
 fn check(mesh: &TriangleMesh) -> Result<()> {
-    let count = mesh.vertices.len();
-    let wrong = |name: &str, found: String, expected: String| Err(Error::Value { name: name.into(), found, expected });
-    if let Some(index) = mesh.vertices.iter().position(|vertex| !vertex.is_finite()) {
-        return wrong(&format!("vertex {index} of the mesh"), mesh.vertices[index].to_string(), "finite".into());
+    mesh.check()?;
+    match mesh.vertices.iter().position(|vertex| vertex.abs().max_element() > FARTHEST) {
+        None => Ok(()),
+        Some(index) => Err(Error::Value {
+            name: format!("vertex {index}"),
+            found: mesh.vertices[index].to_string(),
+            expected: format!("coordinates up to {FARTHEST} m"),
+        }),
     }
-    if let Some(face) = mesh.faces.iter().find(|face| face.iter().any(|&vertex| vertex as usize >= count)) {
-        return wrong("face of the mesh", format!("{face:?}"), format!("indices below {count}, the vertices"));
-    }
-    let colours = match &mesh.colouring {
-        Colouring::None => count,
-        Colouring::Vertex(colours) => colours.len(),
-        Colouring::Texture { image, .. } if image.is_empty() => {
-            return wrong("texture of the mesh", "empty".into(), "at least one pixel".into());
-        }
-        Colouring::Texture { uvs, .. } => uvs.len(),
-    };
-    let normals = mesh.normals.as_ref().map_or(count, Vec::len);
-    for (name, found) in [("colours", colours), ("normals", normals)] {
-        if found != count {
-            return wrong(
-                &format!("number of {name} of the mesh"),
-                found.to_string(),
-                format!("{count}, the vertices"),
-            );
-        }
-    }
-    Ok(())
 }
 
 /// Vertex normals as the sum of the adjacent faces' area vectors, not normalised.
@@ -230,10 +214,10 @@ fn illumination(normal: Vec3) -> f32 {
     ambient + lamp(KEY) + lamp(FILL)
 }
 
-/// The linear colour of an image at (u, v), bilinear; (0, 0) is the centre of the first pixel, (1, 1) of the last.
+/// The linear colour of an image at (u, v), bilinear between the centres of its texels and constant beyond the outer ones.
 fn texture(image: &RgbImage, uv: Vec2) -> Vec3 {
-    let last = Vec2::new(image.width() as f32 - 1.0, image.height() as f32 - 1.0);
-    let place = if uv.is_finite() { uv.clamp(Vec2::ZERO, Vec2::ONE) * last } else { Vec2::ZERO };
+    let size = Vec2::new(image.width() as f32, image.height() as f32);
+    let place = (uv * size - 0.5).clamp(Vec2::ZERO, size - 1.0);
     let (x, y) = (place.x as u32, place.y as u32);
     let (right, below) = ((x + 1).min(image.width() - 1), (y + 1).min(image.height() - 1));
     let share = place.fract();
