@@ -20,16 +20,18 @@ const SAMPLES: u32 = 2;
 /// Coordinates beyond it are no picture's subject, and their squares would leave f32's range, metres.
 const FARTHEST: f32 = 1e6;
 /// The colour of a mesh without one: a warm plaster, linear.
-const PLASTER: Vec3 = Vec3::new(0.60, 0.59, 0.57);
+const PLASTER: Vec3 = Vec3::new(0.64, 0.62, 0.59);
 /// Background at the top and at the bottom of a picture, linear.
 const BACKGROUND: [f32; 2] = [1.0, 0.83];
 
 /// Towards the key light (from the upper left, in front of the subject), camera space, and its strength.
-const KEY: (Vec3, f32) = (Vec3::new(-0.52, -0.62, -0.59), 0.95);
+const KEY: (Vec3, f32) = (Vec3::new(-0.56, -0.62, -0.55), 0.92);
 /// Towards the fill light (from the right), and its strength.
-const FILL: (Vec3, f32) = (Vec3::new(0.83, -0.06, -0.56), 0.28);
+const FILL: (Vec3, f32) = (Vec3::new(0.86, -0.05, -0.51), 0.16);
+/// How far lamps reach around a limb: 0 is Lambert's point light, 0.5 leaves only the opposite point dark.
+const WRAP: f32 = 0.25;
 /// Ambient light from below and from above.
-const AMBIENT: [f32; 2] = [0.16, 0.42];
+const AMBIENT: [f32; 2] = [0.08, 0.24];
 /// Share of a coloured surface's light that does not depend on direction: scans carry their own shading.
 const UNLIT_SHARE: f32 = 0.55;
 
@@ -209,8 +211,8 @@ fn barycentric(corners: [Vec3; 3], ray: Vec3) -> [f32; 3] {
 fn illumination(normal: Vec3) -> f32 {
     let sky = 0.5 - 0.5 * normal.y;
     let ambient = AMBIENT[0] + sky * (AMBIENT[1] - AMBIENT[0]);
-    // Half-Lambert: light that wraps around the limbs, as of a large lamp.
-    let lamp = |(direction, strength): (Vec3, f32)| strength * (0.5 + 0.5 * normal.dot(direction)).max(0.0).powi(2);
+    // Lambert's law softened: a large lamp still lights what is turned away from its centre.
+    let lamp = |(direction, strength): (Vec3, f32)| strength * (WRAP + (1.0 - WRAP) * normal.dot(direction)).max(0.0).powf(1.5);
     ambient + lamp(KEY) + lamp(FILL)
 }
 
