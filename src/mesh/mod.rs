@@ -3,9 +3,12 @@
 //! Metres, Y up; faces wind counter-clockwise seen from outside, so normals point outward.
 
 mod atomic;
+mod components;
+mod extract;
 mod fault;
 mod ply;
 mod texture;
+mod watertight;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,7 +16,10 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use image::RgbImage;
 
+pub use components::largest_component;
+pub use extract::{ExtractionGrid, FINEST_RESOLUTION, Sign, extract};
 pub use ply::{read_ply, write_ply};
+pub use watertight::Topology;
 
 use crate::{Error, Result};
 
