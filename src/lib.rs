@@ -7,6 +7,7 @@ pub mod body;
 pub mod data;
 mod error;
 pub mod evaluate;
+pub mod mannequin;
 pub mod mesh;
 pub mod render;
 pub mod train;

@@ -9,11 +9,14 @@ use rayon::prelude::*;
 /// Vertices of one task: its offsets stay in the first-level cache while the directions stream by.
 const VERTICES_PER_TASK: usize = 1024;
 
+/// Columns taken at once: two cache lines of the file's row.
+const COLUMNS_PER_PASS: usize = 16;
+
 /// K directions of V vertices, metres per unit of coefficient.
 #[derive(Clone, Debug)]
 pub(super) struct BlendShapes {
-    /// (K) rows of V; empty where a direction moves nothing.
-    directions: Vec<Vec<Vec3>>,
+    /// (K) rows of (V, 3); empty where a direction moves nothing.
+    directions: Vec<Vec<f32>>,
 }
 
 impl BlendShapes {
@@ -21,13 +24,15 @@ impl BlendShapes {
     pub(super) fn from_columns(values: &[f64], stride: usize, columns: impl Iterator<Item = usize>) -> Self {
         let columns: Vec<usize> = columns.collect();
         let directions = columns
-            .into_par_iter()
-            .map(|column| {
-                let component = |row: &[f64], axis: usize| row[axis * stride + column] as f32;
-                let rows = values.chunks_exact(3 * stride);
-                let direction: Vec<Vec3> =
-                    rows.map(|row| Vec3::new(component(row, 0), component(row, 1), component(row, 2))).collect();
-                if direction.iter().all(|offset| *offset == Vec3::ZERO) { Vec::new() } else { direction }
+            .par_chunks(COLUMNS_PER_PASS)
+            .flat_map_iter(|columns| {
+                let mut directions = vec![Vec::with_capacity(values.len() / stride); columns.len()];
+                for row in values.chunks_exact(stride) {
+                    for (direction, column) in directions.iter_mut().zip(columns) {
+                        direction.push(row[*column] as f32);
+                    }
+                }
+                directions.into_iter().map(|row| if row.iter().all(|offset| *offset == 0.0) { Vec::new() } else { row })
             })
             .collect();
         Self { directions }
@@ -35,7 +40,7 @@ impl BlendShapes {
 
     /// Adds the combination given by `coefficients` (K) to `vertices` (V).
     pub(super) fn add_to(&self, vertices: &mut [Vec3], coefficients: &[f32]) {
-        let active: Vec<(&[Vec3], f32)> = self
+        let active: Vec<(&[f32], f32)> = self
             .directions
             .iter()
             .zip(coefficients)
@@ -46,11 +51,15 @@ impl BlendShapes {
             return;
         }
         vertices.par_chunks_mut(VERTICES_PER_TASK).enumerate().for_each(|(task, block)| {
-            let first = task * VERTICES_PER_TASK;
+            let first = task * VERTICES_PER_TASK * 3;
+            let mut offsets = [0.0; VERTICES_PER_TASK * 3];
             for (direction, coefficient) in &active {
-                for (vertex, offset) in block.iter_mut().zip(&direction[first..]) {
-                    *vertex += *offset * *coefficient;
+                for (offset, component) in offsets.iter_mut().zip(&direction[first..]) {
+                    *offset += component * coefficient;
                 }
+            }
+            for (vertex, offset) in block.iter_mut().zip(offsets.chunks_exact(3)) {
+                *vertex += Vec3::from_slice(offset);
             }
         });
     }

@@ -181,3 +181,126 @@ fn model_in_folder(folder: &Path, gender: Gender) -> Result<PathBuf> {
         remedy: "download the SMPL-X models from https://smpl-x.is.tue.mpg.de, or name the model file itself".into(),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::PARENTS;
+    use crate::data::{Array, ArrayData};
+
+    const VERTICES: usize = 4;
+
+    /// A model of four vertices, all bound to the root.
+    fn arrays() -> ArrayMap {
+        let zeros = |shape: &[usize]| (shape.to_vec(), vec![0.0; shape.iter().product()]);
+        let first_in_rows = |rows: usize, columns: usize| {
+            let values = (0..rows * columns).map(|at| f64::from(u8::from(at % columns == 0))).collect();
+            (vec![rows, columns], values)
+        };
+        let parents = (0..JOINTS).map(|joint| if joint == 0 { 4_294_967_295.0 } else { PARENTS[joint] as f64 });
+        [
+            ("v_template", (vec![VERTICES, 3], (0..12).map(f64::from).collect())),
+            ("f", (vec![2, 3], vec![0.0, 1.0, 2.0, 0.0, 2.0, 3.0])),
+            ("weights", first_in_rows(VERTICES, JOINTS)),
+            ("J_regressor", first_in_rows(JOINTS, VERTICES)),
+            ("kintree_table", (vec![2, JOINTS], parents.chain((0..JOINTS).map(|joint| joint as f64)).collect())),
+            ("shapedirs", zeros(&[VERTICES, 3, 20])),
+            ("posedirs", zeros(&[VERTICES, 3, POSE_FEATURES])),
+            ("hands_meanl", zeros(&[45])),
+            ("hands_meanr", zeros(&[45])),
+            ("hands_componentsl", zeros(&[45, 45])),
+            ("hands_componentsr", zeros(&[45, 45])),
+        ]
+        .into_iter()
+        .map(|(key, (shape, values))| (key.to_owned(), Array { shape, data: ArrayData::F64(values) }))
+        .collect()
+    }
+
+    fn read(arrays: &ArrayMap) -> Result<BodyModel> {
+        BodyModel::from_arrays(Path::new("SMPLX_MALE.npz"), arrays)
+    }
+
+    /// The message after `key` became an array of `shape`, filled with `value`.
+    fn message_with(key: &str, shape: &[usize], value: f64) -> String {
+        let mut arrays = arrays();
+        let data = ArrayData::F64(vec![value; shape.iter().product()]);
+        arrays.insert(key.into(), Array { shape: shape.to_vec(), data });
+        read(&arrays).expect_err(key).to_string()
+    }
+
+    #[test]
+    fn models_of_other_families_are_named() {
+        for (joints, name) in [(24, "an SMPL model"), (52, "an SMPL+H model"), (16, "a MANO model"), (7, "7 joints")] {
+            let message = message_with("kintree_table", &[2, joints], 0.0);
+            assert!(message.contains(name) && message.contains("SMPLX_MALE.npz"), "{message}");
+        }
+        assert!(message_with("shapedirs", &[VERTICES, 3, 16], 0.0).contains("16 shape columns"));
+    }
+
+    #[test]
+    fn every_missing_or_misshapen_array_is_named() {
+        for key in arrays().keys() {
+            let mut without = arrays();
+            without.remove(key);
+            assert!(read(&without).unwrap_err().to_string().contains(&format!("{key} is absent")), "{key}");
+            let message = message_with(key, &[3, 5], 0.0);
+            assert!(message.contains(key.as_str()) || message.contains("5 joints"), "{message}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_cannot_be_are_refused() {
+        assert!(message_with("v_template", &[VERTICES, 3], f64::NAN).contains("v_template is NaN at element 0"));
+        assert!(message_with("posedirs", &[VERTICES, 3, POSE_FEATURES], 1e300).contains("posedirs is"));
+        assert!(message_with("weights", &[VERTICES, JOINTS], 0.5).contains("weights[0] is a row with sum 27.5"));
+        assert!(message_with("J_regressor", &[JOINTS, VERTICES], 0.0).contains("J_regressor[0]"));
+        assert!(message_with("f", &[1, 3], 4.0).contains("4 in face 0, expected vertex indices below 4"));
+        assert!(message_with("f", &[1, 3], -1.0).contains("-1 in face 0"));
+        assert!(message_with("v_template", &[0, 3], 0.0).contains("at least one vertex"));
+        assert!(message_with("kintree_table", &[2, JOINTS], 0.0).contains("kintree_table[1][1] is 0, expected 1"));
+    }
+
+    #[test]
+    fn a_tree_out_of_order_is_refused() {
+        let mut arrays = arrays();
+        let Some(Array { data: ArrayData::F64(tree), .. }) = arrays.get_mut("kintree_table") else { unreachable!() };
+        tree[4] = 7.0;
+        let message = read(&arrays).unwrap_err().to_string();
+        assert!(message.contains("kintree_table[0][4] is 7, expected 1 (the parent in SMPL-X)"), "{message}");
+    }
+
+    // An extent and a length that disagree must not reach the slicing.
+    #[test]
+    fn arrays_shorter_than_their_shape_are_refused() {
+        for key in arrays().keys() {
+            let mut arrays = arrays();
+            if let Some(Array { data: ArrayData::F64(values), .. }) = arrays.get_mut(key) {
+                values.pop();
+            }
+            assert!(read(&arrays).unwrap_err().to_string().contains(key.as_str()), "{key}");
+        }
+    }
+
+    #[test]
+    fn expression_columns_of_the_full_release_start_at_300() {
+        let mut arrays = arrays();
+        let mut values = vec![0.0; VERTICES * 3 * 400];
+        values[300] = 2.0;
+        values[10] = 5.0;
+        let data = ArrayData::F64(values);
+        arrays.insert("shapedirs".into(), Array { shape: vec![VERTICES, 3, 400], data });
+        let mut parameters = crate::body::BodyParameters::default();
+        parameters.expression[0] = 1.0;
+        let offsets = read(&arrays).unwrap().vertex_offsets(&parameters).unwrap();
+        assert_eq!(offsets, [Vec3::X * 2.0, Vec3::ZERO, Vec3::ZERO, Vec3::ZERO]);
+    }
+
+    #[test]
+    fn the_name_of_the_file_has_to_agree_with_the_gender() {
+        let folder = tempfile::tempdir().unwrap();
+        let message = |path: &Path, gender| BodyModel::load(path, gender).unwrap_err().to_string();
+        assert!(message(folder.path(), Gender::Female).contains("SMPLX_FEMALE.npz or SMPLX_FEMALE.pkl not found"));
+        let path = folder.path().join("SMPLX_MALE.npz");
+        assert!(message(&path, Gender::Female).contains("a male model by its name"));
+    }
+}

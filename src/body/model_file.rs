@@ -54,7 +54,8 @@ impl ModelFile<'_> {
             ArrayData::F64(values) => values.clone(),
             ArrayData::Text(_) => return Err(self.malformed(key, "text", "numbers")),
         };
-        if values.len() != array.shape.iter().product::<usize>() {
+        let elements = array.shape.iter().try_fold(1usize, |product, extent| product.checked_mul(*extent));
+        if elements != Some(values.len()) {
             return Err(self.malformed(key, format!("{} elements", values.len()), shape_text(&array.shape)));
         }
         // f32 is what the values become; a number beyond it would silently turn infinite.
