@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use xavatar::Error;
-use xavatar::data::{Array, ArrayData, ArrayMap, Value, read_pickle, read_pickle_arrays};
+use xavatar::data::{Array, ArrayData, ArrayMap, Value, read_pickle, read_pickle_arrays, write_pickle};
 
 fn golden(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/pickles").join(name)
@@ -105,4 +105,20 @@ fn every_kind_of_value_reads_the_same_in_every_protocol() {
         assert_eq!(value.get("none"), Some(&Value::None));
         assert_eq!(value.get("names"), Some(&Value::List(["pelvis", "head"].map(|t| Value::Text(t.into())).into())));
     }
+}
+
+#[test]
+fn what_is_written_is_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.pkl");
+    let arrays = ArrayMap::from([
+        ("vertices".into(), Array { shape: vec![2, 3], data: ArrayData::F32(vec![0.0, -1.5, 2.0, 3.0, 4.0, 5e-30]) }),
+        ("faces".into(), Array { shape: vec![1, 3], data: ArrayData::I64(vec![0, 1, i64::MAX]) }),
+        ("atlas".into(), Array { shape: vec![1, 2, 3], data: ArrayData::U8(vec![0, 1, 2, 253, 254, 255]) }),
+        ("scale".into(), Array { shape: vec![], data: ArrayData::F64(vec![0.1]) }),
+        ("empty".into(), Array { shape: vec![0, 3], data: ArrayData::F32(vec![]) }),
+        ("gender".into(), Array { shape: vec![], data: ArrayData::Text("neutral ☺".into()) }),
+    ]);
+    write_pickle(&path, &arrays).unwrap();
+    assert_eq!(read_pickle_arrays(&path).unwrap(), arrays);
 }

@@ -3,7 +3,7 @@
 //! Files -> arrays -> frames. Nothing here knows about training.
 
 mod array;
-mod atomic_file;
+
 mod element;
 mod fault;
 mod npy;

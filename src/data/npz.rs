@@ -10,10 +10,10 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use super::ArrayMap;
-use super::atomic_file::write_atomically;
 use super::fault::Fault;
 use super::npy::{NpyFile, npy_bytes};
 use super::pickle::{flatten, parse_pickle};
+use crate::atomic_file::write_atomically;
 use crate::{Error, Result};
 
 const FORMAT: &str = "npz archive";

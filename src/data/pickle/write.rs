@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use crate::data::atomic_file::write_atomically;
+use crate::atomic_file::write_atomically;
 use crate::data::{ArrayData, ArrayMap};
 use crate::{Error, Result};
 
