@@ -77,7 +77,12 @@ impl FrequencyEncoding {
         }
     }
 
-    fn for_each_derivative<T: Real>(self, point: &[T], cotangent: &[T], mut visit: impl FnMut(usize, T, (T, T), (T, T))) {
+    fn for_each_derivative<T: Real>(
+        self,
+        point: &[T],
+        cotangent: &[T],
+        mut visit: impl FnMut(usize, T, (T, T), (T, T)),
+    ) {
         for (octave, block) in cotangent[self.dimensions..].chunks_exact(2 * self.dimensions).enumerate() {
             let frequency = T::of((1u64 << octave) as f64);
             for axis in 0..self.dimensions {

@@ -51,7 +51,8 @@ impl MlpShape {
     }
 
     fn validate(&self) -> Result<()> {
-        let refuse = |name, found: usize, expected: String| Err(Error::Shape { name, found: found.to_string(), expected });
+        let refuse =
+            |name, found: usize, expected: String| Err(Error::Shape { name, found: found.to_string(), expected });
         let encoded = self.encoding().width();
         if !(1..=8).contains(&self.inputs) {
             return refuse("inputs", self.inputs, "1 to 8".into());
@@ -73,7 +74,11 @@ impl MlpShape {
                 return refuse("skip", skip, format!("a hidden layer after the first, 1 to {}", self.depth - 1));
             }
             if self.width <= encoded {
-                return refuse("width", self.width, format!("more than the {encoded} entries that skip to layer {skip}"));
+                return refuse(
+                    "width",
+                    self.width,
+                    format!("more than the {encoded} entries that skip to layer {skip}"),
+                );
             }
         }
         Ok(())
@@ -403,7 +408,13 @@ impl<T: Real> Mlp<T> {
     }
 
     /// Forward sweep with the D tangents of every row: the output's derivatives along each coordinate, stacked below it.
-    pub fn forward_with_tangents(&self, trace: &mut Trace<T>, points: &[T], shared_condition: &[T], row_condition: &[T]) {
+    pub fn forward_with_tangents(
+        &self,
+        trace: &mut Trace<T>,
+        points: &[T],
+        shared_condition: &[T],
+        row_condition: &[T],
+    ) {
         self.sweep_forward(trace, points, shared_condition, row_condition, self.shape.inputs);
     }
 
@@ -433,7 +444,12 @@ impl<T: Real> Mlp<T> {
             let bias = &self.folded[layer.folded_bias.clone()];
             if index == shape.depth {
                 resize(&mut trace.output, stacked * layer.outputs);
-                product(MatrixMut::new(&mut trace.output, stacked, layer.outputs, layer.outputs), Write::Replace, input, weight);
+                product(
+                    MatrixMut::new(&mut trace.output, stacked, layer.outputs, layer.outputs),
+                    Write::Replace,
+                    input,
+                    weight,
+                );
                 for row in trace.output[..rows * layer.outputs].chunks_exact_mut(layer.outputs) {
                     row.iter_mut().zip(bias).for_each(|(value, bias)| *value += *bias);
                 }
@@ -513,7 +529,12 @@ impl<T: Real> Mlp<T> {
             }
             if index == 0 || self.shape.skip == Some(index) {
                 let weight = self.weight_columns(layer, hidden..hidden + encoded);
-                product(MatrixMut::new(&mut trace.encoded_gradient, rows, encoded, encoded), Write::Add, cotangent, weight);
+                product(
+                    MatrixMut::new(&mut trace.encoded_gradient, rows, encoded, encoded),
+                    Write::Add,
+                    cotangent,
+                    weight,
+                );
             }
         }
         resize(&mut trace.gradient, rows * self.shape.inputs);
@@ -564,7 +585,12 @@ impl<T: Real> Mlp<T> {
             let (before, after) = trace.cotangents.split_at_mut(index);
             let current = &after[0];
             product(
-                MatrixMut::new(&mut gradient.folded[layer.folded_weight.clone()], layer.outputs, layer.inputs, layer.inputs),
+                MatrixMut::new(
+                    &mut gradient.folded[layer.folded_weight.clone()],
+                    layer.outputs,
+                    layer.inputs,
+                    layer.inputs,
+                ),
                 Write::Add,
                 Matrix::new(current, paired, layer.outputs, layer.outputs).transposed(),
                 Matrix::new(&trace.inputs[index], paired, layer.inputs, layer.inputs),
@@ -575,7 +601,12 @@ impl<T: Real> Mlp<T> {
                 if !first_wanted.is_empty() {
                     let target = &mut trace.input_cotangent[first_wanted.start..];
                     let weight = self.weight_columns(layer, first_wanted.clone());
-                    product(MatrixMut::new(target, stacked, first_wanted.len(), first_width), Write::Add, cotangent, weight);
+                    product(
+                        MatrixMut::new(target, stacked, first_wanted.len(), first_width),
+                        Write::Add,
+                        cotangent,
+                        weight,
+                    );
                 }
                 break;
             }
@@ -595,7 +626,9 @@ impl<T: Real> Mlp<T> {
             if gradient_cotangent.is_none() {
                 previous[..stacked * hidden].fill(T::zero());
             }
-            for (result, carried) in previous[..stacked * hidden].chunks_exact_mut(block).zip(trace.carried.chunks_exact(block)) {
+            for (result, carried) in
+                previous[..stacked * hidden].chunks_exact_mut(block).zip(trace.carried.chunks_exact(block))
+            {
                 add_scaled(result, slopes, carried);
             }
             for direction in 1..=trace.directions {

@@ -97,9 +97,8 @@ fn check<T: Real>(name: &str, shape: MlpShape, tolerance: f64) {
         let difference: Vec<T> = g.iter().zip(target).map(|(g, t)| *g / length - *t).collect();
         loss += difference.iter().map(|d| *d * *d).sum::<T>() / T::of(rows as f64);
         let along = g.iter().zip(&difference).map(|(g, d)| *g * *d).sum::<T>() / (length * length);
-        on_gradient.extend(
-            g.iter().zip(&difference).map(|(g, d)| T::of(2.0 / rows as f64) * (*d - along * *g) / length),
-        );
+        on_gradient
+            .extend(g.iter().zip(&difference).map(|(g, d)| T::of(2.0 / rows as f64) * (*d - along * *g) / length));
     }
     assert_close("normal loss", &[loss], &golden.real::<T>("normal_loss"), tolerance);
     gradient.clear();
