@@ -40,8 +40,8 @@ impl<T: Real> Lanes<T> {
     #[inline(always)]
     fn zip(self, other: Self, function: impl Fn(T, T) -> T) -> Self {
         let mut result = self.0;
-        for lane in 0..LANES {
-            result[lane] = function(self.0[lane], other.0[lane]);
+        for (value, other) in result.iter_mut().zip(other.0) {
+            *value = function(*value, other);
         }
         Self(result)
     }
