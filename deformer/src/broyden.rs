@@ -171,7 +171,7 @@ impl<T: Real> State<T> {
             }
         } else {
             // Negated so that a NaN ends the search too.
-            if !(squared <= limits.divergence * limits.divergence) {
+            if squared.is_nan() || squared > limits.divergence * limits.divergence {
                 return Some(Outcome::Diverged);
             }
             match self.inverse {
