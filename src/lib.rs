@@ -8,6 +8,7 @@ pub mod config;
 pub mod data;
 mod error;
 pub mod evaluate;
+pub mod fields;
 pub mod mesh;
 pub mod render;
 pub mod train;
