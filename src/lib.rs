@@ -4,6 +4,7 @@
 
 pub mod avatar;
 pub mod body;
+pub mod config;
 pub mod data;
 mod error;
 pub mod evaluate;

@@ -5,13 +5,12 @@
 //! then interpolating equals interpolating then blending. Outside the box the nearest point of its surface counts.
 //! R = X * Y * Z nodes, x fastest; J bones; metres. The error is that of linear interpolation of the weights.
 
-use pulp::Arch;
 use rayon::prelude::*;
 use xavatar_network::{Real, SkinningWeights};
 
 use crate::affine::expect_finite_bones;
 use crate::error::expect_length;
-use crate::skinning::{blend, jacobian_from_slopes};
+use crate::skinning::{blend, jacobian_from_slopes, vectorised};
 use crate::{BoneTransform, Error, Jacobian, Result, Warp};
 
 /// Nodes that one task samples or blends.
@@ -113,7 +112,7 @@ impl<T: Real> Warp<T> for BakedWarp<'_, T> {
     }
 
     fn transforms(&self, _: &mut (), points: &[[T; 3]], transforms: &mut [BoneTransform<T>]) {
-        Arch::new().dispatch(
+        vectorised(
             #[inline(always)]
             || {
                 for (&point, transform) in points.iter().zip(transforms) {

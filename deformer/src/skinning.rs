@@ -5,12 +5,22 @@
 //! N points, J bones, k an axis; weights (N, J), their gradients (N, 3, J) as fields give them. Metres.
 //! Cotangents, named `*_cotangents`, are added to: zero them first. Kernels are serial; callers work in row blocks.
 
+use std::sync::LazyLock;
+
 use pulp::Arch;
 use xavatar_network::Real;
 
 use crate::affine::apply;
 use crate::error::{expect_length, expect_weights};
 use crate::{BoneTransform, Jacobian, Result};
+
+static ARCH: LazyLock<Arch> = LazyLock::new(Arch::new);
+
+/// Runs `kernel` compiled for the widest vectors of this machine. Without fused operations the bits are those of any other.
+#[inline(always)]
+pub(crate) fn vectorised(kernel: impl FnOnce()) {
+    ARCH.dispatch(kernel);
+}
 
 /// Rows that one pass over the bones serves: enough independent sums to hide the latency of an addition.
 const TILE: usize = 4;
@@ -56,12 +66,7 @@ pub fn skinning_jacobians<T: Real>(
     expect_length("blended transforms", transforms.len(), points.len())?;
     expect_weights("weight gradients", gradients.len(), 3 * points.len(), bones.len())?;
     expect_length("Jacobians", jacobians.len(), points.len())?;
-    let rows = gradients.chunks_exact(3 * bones.len());
-    for (((jacobian, transform), &point), rows) in jacobians.iter_mut().zip(transforms).zip(points).zip(rows) {
-        let mut slopes = [[T::zero(); 12]; 3];
-        blend(rows, bones, &mut slopes);
-        *jacobian = jacobian_from_slopes(transform, &slopes, point);
-    }
+    blend_jacobians(transforms, gradients, bones, points, jacobians);
     Ok(())
 }
 
@@ -118,8 +123,7 @@ pub fn jacobians_backward<T: Real>(
     for (((((&point, cotangent), rows), row_cotangents), weight_cotangents), point_cotangent) in
         batch.zip(point_cotangents)
     {
-        let mut slopes = [[T::zero(); 12]; 3];
-        blend(rows, bones, &mut slopes);
+        let slopes = blend_rows::<T, 3>(rows, bones);
         let [x, y, z] = *cotangent;
         let zero = T::zero();
         let blended = [x[0], x[1], x[2], zero, y[0], y[1], y[2], zero, z[0], z[1], z[2], zero];
@@ -142,36 +146,58 @@ pub(crate) fn jacobian_from_slopes<T: Real>(
     slopes: &[BoneTransform<T>; 3],
     point: [T; 3],
 ) -> Jacobian<T> {
-    let moved = slopes.map(|slope| apply(&slope, point));
-    std::array::from_fn(|r| std::array::from_fn(|c| transform[4 * r + c] + moved[c][r]))
+    let [x, y, z] = [apply(&slopes[0], point), apply(&slopes[1], point), apply(&slopes[2], point)];
+    std::array::from_fn(|r| [transform[4 * r] + x[r], transform[4 * r + 1] + y[r], transform[4 * r + 2] + z[r]])
 }
 
-/// weights (N, J) x bones (J, 12), summed in the order of the bones whatever the machine's vectors.
+/// weights (N, J) x bones (J, 12), summed in the order of the bones.
 pub(crate) fn blend<T: Real>(weights: &[T], bones: &[BoneTransform<T>], transforms: &mut [BoneTransform<T>]) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             let joints = bones.len();
             let mut tiles = transforms.chunks_exact_mut(TILE);
             let mut tile_weights = weights.chunks_exact(TILE * joints);
             for (tile, weights) in tiles.by_ref().zip(tile_weights.by_ref()) {
-                let mut sums = [[T::zero(); 12]; TILE];
-                for (joint, bone) in bones.iter().enumerate() {
-                    for (row, sum) in sums.iter_mut().enumerate() {
-                        add_scaled(sum, weights[row * joints + joint], bone);
-                    }
-                }
-                tile.copy_from_slice(&sums);
+                tile.copy_from_slice(&blend_rows::<T, TILE>(weights, bones));
             }
             let rest = tile_weights.remainder().chunks_exact(joints);
             for (transform, weights) in tiles.into_remainder().iter_mut().zip(rest) {
-                *transform = [T::zero(); 12];
-                for (&weight, bone) in weights.iter().zip(bones) {
-                    add_scaled(transform, weight, bone);
-                }
+                [*transform] = blend_rows::<T, 1>(weights, bones);
             }
         },
     );
+}
+
+/// J of each point, from its A and its weights' gradients (3, J).
+pub(crate) fn blend_jacobians<T: Real>(
+    transforms: &[BoneTransform<T>],
+    gradients: &[T],
+    bones: &[BoneTransform<T>],
+    points: &[[T; 3]],
+    jacobians: &mut [Jacobian<T>],
+) {
+    vectorised(
+        #[inline(always)]
+        || {
+            let rows = gradients.chunks_exact(3 * bones.len());
+            for (((jacobian, transform), &point), rows) in jacobians.iter_mut().zip(transforms).zip(points).zip(rows) {
+                *jacobian = jacobian_from_slopes(transform, &blend_rows::<T, 3>(rows, bones), point);
+            }
+        },
+    );
+}
+
+/// `ROWS` rows of weights (ROWS, J) x bones (J, 12).
+#[inline(always)]
+fn blend_rows<T: Real, const ROWS: usize>(weights: &[T], bones: &[BoneTransform<T>]) -> [BoneTransform<T>; ROWS] {
+    let mut sums = [[T::zero(); 12]; ROWS];
+    for (joint, bone) in bones.iter().enumerate() {
+        for (row, sum) in sums.iter_mut().enumerate() {
+            add_scaled(sum, weights[row * bones.len() + joint], bone);
+        }
+    }
+    sums
 }
 
 #[inline(always)]

@@ -1,8 +1,21 @@
 //! Explicit body models: SMPL-X parameters to joints, bone transforms and vertices (thesis ch. 4.1).
 
+mod blend_shapes;
+mod bones;
+mod gender;
+mod model;
+mod model_file;
 mod parameters;
+mod part_files;
+mod parts;
+mod posing;
+mod skeleton;
+mod stand_in;
 
+pub use bones::{Bone, joint_weights};
+pub use gender::Gender;
+pub use model::BodyModel;
 pub use parameters::{BodyParameters, HandPose, PoseAxisAngle};
-
-/// Joints of the SMPL-X skeleton: 22 body, jaw, two eyes, 2 x 15 hand joints.
-pub const JOINTS: usize = 55;
+pub use parts::{FULL_GROUP, Part, PartLabelSource, PartLabels};
+pub use posing::PosedBody;
+pub use skeleton::{JOINTS, PARENTS};

@@ -1,0 +1,101 @@
+//! Multi-resolution marching cubes (Lorensen & Cline 1987; METHOD §6): scalar field -> closed, indexed, outward mesh.
+//!
+//! A coarse lattice finds where the surface is; cells it crosses, and their neighbours, are halved until there are 64 along
+//! the longest side (as X-Avatar's extraction does, so that thin parts are not lost); from there the surface is followed from
+//! cell to cell at full resolution. Only corners of cells that it crosses are evaluated there, each once, in batches.
+//! Parts that no lattice point of the search sees and that touch no other part are not found.
+//!
+//! Every edge has exactly two faces: ambiguous cube faces are decided from the face alone. A surface that leaves the box is
+//! capped at the box. Why not a crate: `marching-cubes` 0.1.2 indexes out of bounds on a cell with one inside corner, its
+//! `glam` feature does not compile, and like `mcubes` it returns a soup of unconnected triangles of one cell at a time.
+
+mod cases;
+mod follow;
+mod lattice;
+mod samples;
+
+use glam::{UVec3, Vec3};
+
+use self::follow::follow_surface;
+use self::lattice::{Box3, SparseLattice, corner};
+use self::samples::Samples;
+use crate::mesh::{Colouring, TriangleMesh};
+use crate::{Error, Result};
+
+/// Most cells along the longest side of a grid.
+pub const FINEST_RESOLUTION: usize = 512;
+
+/// On which side of the level the inside is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// Inside is above the level: occupancy logits.
+    Positive,
+    /// Inside is below the level: signed distances.
+    Negative,
+}
+
+/// Where and how finely a surface is searched for.
+#[derive(Clone, Copy, Debug)]
+pub struct ExtractionGrid {
+    /// Lowest corner of the box, metres.
+    pub minimum: Vec3,
+    /// Highest corner of the box, metres; shorter sides are lengthened to whole cells.
+    pub maximum: Vec3,
+    /// Cells along the longest side, 2 to [`FINEST_RESOLUTION`]; any number.
+    pub resolution: usize,
+    /// The value at the surface.
+    pub level: f32,
+    /// Which values are inside.
+    pub inside_is: Sign,
+}
+
+/// The surface `field = level` as a closed mesh whose faces look outward; it does not depend on threads.
+///
+/// `field` writes the values at a batch of points (up to 8,192; metres), several batches at a time on rayon's threads.
+///
+/// # Errors
+/// [`Error::NoSurface`] with the range seen; [`Error::Value`] for a grid out of range or a value that is not finite.
+pub fn extract(field: &(dyn Fn(&[Vec3], &mut [f32]) + Sync), grid: ExtractionGrid) -> Result<TriangleMesh> {
+    let lattice = Box3::new(&grid)?;
+    let mut samples = Samples::new(field, &grid, lattice);
+    let crossed = follow_surface(&mut samples)?;
+    if crossed.is_empty() {
+        return Err(samples.no_surface());
+    }
+    Ok(polygonise(&crossed, &samples, lattice))
+}
+
+/// The triangles of all crossed cells; a lattice edge has one vertex, shared by the cells around it.
+fn polygonise(crossed: &[UVec3], samples: &Samples, lattice: Box3) -> TriangleMesh {
+    const NO_VERTEX: [u32; 3] = [u32::MAX; 3];
+    let mut vertices = Vec::with_capacity(crossed.len());
+    let mut faces = Vec::with_capacity(2 * crossed.len());
+    let mut on_edges = SparseLattice::new(lattice.points(), NO_VERTEX);
+    for &cell in crossed {
+        for triangle in cases::triangles(samples.case(cell)) {
+            faces.push(triangle.map(|edge| {
+                let start = corner(cell, edge.lower_corner());
+                let on_edge = on_edges.entry(start);
+                if on_edge[edge.axis()] == u32::MAX {
+                    on_edge[edge.axis()] = vertices.len() as u32;
+                    vertices.push(crossing(samples, lattice, start, edge.axis()));
+                }
+                on_edge[edge.axis()]
+            }));
+        }
+    }
+    TriangleMesh { vertices, faces, normals: None, colouring: Colouring::None }
+}
+
+/// Where the surface crosses the lattice edge from `start` along `axis`, linearly interpolated.
+fn crossing(samples: &Samples, lattice: Box3, start: UVec3, axis: usize) -> Vec3 {
+    // Vertices that fell on a lattice point would coincide, and their faces have no area.
+    const KEPT_OFF: f32 = 1e-3;
+    let end = start + UVec3::AXES[axis];
+    let (a, b) = (samples.depth(start), samples.depth(end));
+    let along = (a / (a - b)).clamp(KEPT_OFF, 1.0 - KEPT_OFF);
+    lattice.position(start).lerp(lattice.position(end), along)
+}
+
+#[cfg(test)]
+mod tests;
