@@ -23,6 +23,12 @@ pub(super) struct Recipe {
     pub(super) shapes: Vec<ShapeDirection>,
     pub(super) expressions: Vec<Expression>,
     pub(super) correctives: Correctives,
+    pub(super) scan: ScanDetail,
+    pub(super) garments: Vec<Garment>,
+    pub(super) paints: Vec<Paint>,
+    pub(super) wrinkles: Vec<Wrinkle>,
+    pub(super) motion: Motion,
+    pub(super) poses: BTreeMap<String, KeyPose>,
 }
 
 /// How long triangles are, and where the flesh ends below.
@@ -107,6 +113,8 @@ pub(super) struct Hands {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ShapeDirection {
+    #[serde(rename = "name")]
+    _name: String,
     pub(super) moves: Vec<Move>,
 }
 
@@ -129,6 +137,7 @@ pub(super) struct Move {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Expression {
+    pub(super) name: String,
     pub(super) pulls: Vec<Pull>,
 }
 
@@ -155,6 +164,88 @@ pub(super) struct Bulge {
     pub(super) joint: String,
     pub(super) amount: f32,
     pub(super) radius: f32,
+}
+
+/// The scan's triangles, and the colour of bare skin.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ScanDetail {
+    pub(super) edge: f32,
+    pub(super) head_edge: f32,
+    pub(super) head_above: f32,
+    pub(super) skin: [u8; 3],
+}
+
+/// Something worn.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Garment {
+    pub(super) borders: Vec<Border>,
+    pub(super) thickness: f32,
+    pub(super) hem: f32,
+    pub(super) rise: f32,
+    pub(super) colour: [u8; 3],
+    pub(super) stripes: Option<Stripes>,
+}
+
+/// A plane that a garment ends at.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Border {
+    pub(super) normal: [f32; 3],
+    pub(super) offset: f32,
+}
+
+/// Bands of a second colour along y.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Stripes {
+    pub(super) period: f32,
+    pub(super) share: f32,
+    pub(super) colour: [u8; 3],
+}
+
+/// Colour on the skin inside an ellipsoid.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Paint {
+    pub(super) centre: [f32; 3],
+    pub(super) radii: [f32; 3],
+    pub(super) colour: [u8; 3],
+}
+
+/// Creases of cloth around a joint that bends.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Wrinkle {
+    pub(super) joint: String,
+    pub(super) axis: [f32; 3],
+    pub(super) wavelength: f32,
+    pub(super) radius: f32,
+    pub(super) depth: f32,
+}
+
+/// The subject's shape and its takes.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Motion {
+    pub(super) betas: [f32; 10],
+    pub(super) train: Vec<String>,
+    pub(super) test: Vec<String>,
+}
+
+/// A pose that motions pass through.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct KeyPose {
+    pub(super) turns: BTreeMap<String, [f32; 3]>,
+    pub(super) hands: [f32; 2],
+    #[serde(default)]
+    pub(super) yaw: f32,
+    #[serde(default)]
+    pub(super) jaw: f32,
+    #[serde(default)]
+    pub(super) expression: BTreeMap<String, f32>,
 }
 
 impl Recipe {
@@ -214,7 +305,7 @@ pub(super) fn twin(joint: usize) -> usize {
     JOINT_NAMES.iter().position(|joint| *joint == other).unwrap_or(joint)
 }
 
-fn malformed(place: &str, found: impl Into<String>, expected: &str) -> Error {
+pub(super) fn malformed(place: &str, found: impl Into<String>, expected: &str) -> Error {
     Error::Malformed {
         path: "assets/mannequin.toml".into(),
         format: "mannequin recipe",
