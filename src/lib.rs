@@ -2,6 +2,7 @@
 //!
 //! Data flows one way: files -> [`data`] -> frames -> [`train`] -> [`avatar`] -> [`mesh`] -> pictures, exports, metrics.
 
+mod atomic_file;
 pub mod avatar;
 pub mod body;
 pub mod data;

@@ -2,6 +2,25 @@
 //!
 //! Knows skinning weights and bone transforms, nothing of bodies or files.
 
+mod affine;
+mod baked;
+mod broyden;
+mod candidates;
 mod error;
+mod groups;
+mod implicit;
+mod normals;
+mod search;
+mod skinning;
+mod warp;
 
+pub use affine::{BoneTransform, Jacobian, bone_transform};
+pub use baked::{BakedWarp, BakedWeights};
+pub use candidates::{Candidates, SearchStatistics};
 pub use error::{Error, Result};
+pub use groups::StartGroups;
+pub use implicit::root_cotangents;
+pub use normals::{GradientSide, deformed_normals, deformed_normals_backward};
+pub use search::{SearchSettings, search, search_and_polish};
+pub use skinning::{blend_transforms, deform, deform_backward, jacobians_backward, skinning_jacobians};
+pub use warp::{ExactWarp, ExactWorkspace, Warp};

@@ -2,10 +2,25 @@
 //!
 //! Nothing here knows about bodies or files. METHOD: thesis ch. 4.2, fig. A.5.
 
+mod activation;
+mod encoding;
 mod error;
+mod geometry;
+mod matmul;
+mod mlp;
+mod optimiser;
+mod parameters;
 mod real;
 mod skinning;
+mod texture;
+mod tree_softmax;
 
 pub use error::{Error, Result};
+pub use geometry::{GeometryField, GeometryShape, Representation};
+pub use mlp::{Backward, Mlp, MlpGradient, MlpShape, Trace};
+pub use optimiser::{Adam, AdamSettings, clipping_factor};
+pub use parameters::{ParameterEntry, ParameterLayout};
 pub use real::Real;
-pub use skinning::SkinningWeights;
+pub use skinning::{SkinningField, SkinningTrace, SkinningWeights};
+pub use texture::{TextureField, TextureShape};
+pub use tree_softmax::KinematicTree;

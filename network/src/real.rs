@@ -4,9 +4,22 @@ use std::fmt::Debug;
 use std::iter::Sum;
 use std::ops::{AddAssign, DivAssign, MulAssign, SubAssign};
 
+use crate::activation::Elementwise;
+
 /// A floating-point number that fields and deformers compute with.
 pub trait Real:
-    num_traits::Float + Default + Debug + Send + Sync + Sum + AddAssign + SubAssign + MulAssign + DivAssign + 'static
+    num_traits::Float
+    + Elementwise
+    + Default
+    + Debug
+    + Send
+    + Sync
+    + Sum
+    + AddAssign
+    + SubAssign
+    + MulAssign
+    + DivAssign
+    + 'static
 {
     /// The nearest number of this type.
     fn of(value: f64) -> Self;

@@ -10,7 +10,6 @@ mod part_files;
 mod parts;
 mod posing;
 mod skeleton;
-mod stand_in;
 
 pub use bones::{Bone, joint_weights};
 pub use gender::Gender;

@@ -1,0 +1,97 @@
+//! The search, its implicit gradient and the baked warp against float64 vectors: a random skinning network, three poses,
+//! 24 points per part, Newton's roots from every start.
+
+mod naive;
+
+use naive::{Golden, NaiveSkinning};
+use xavatar_deformer::{
+    BakedWeights, BoneTransform, Candidates, ExactWarp, SearchSettings, StartGroups, Warp, deform, deform_backward,
+    root_cotangents, search, search_and_polish,
+};
+use xavatar_network::Real;
+
+const POSES: usize = 3;
+const PARTS: [&str; 4] = ["body", "face", "left_hand", "right_hand"];
+
+fn groups() -> StartGroups {
+    let body = vec![0, 1, 2, 4, 5, 16, 17, 18, 19];
+    let hand = |wrist, first| std::iter::once(wrist).chain(first..first + 15).collect::<Vec<usize>>();
+    let (left, right) = (hand(20, 25), hand(21, 40));
+    let full = body.iter().chain(&[15]).chain(&left).chain(&right).copied().collect();
+    StartGroups::new(55, vec![body, vec![12, 15, 22], left, right], full).expect("valid groups")
+}
+
+fn distance<T: Real>(a: [T; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|axis| (a[axis].wide() - b[axis]).powi(2)).sum::<f64>().sqrt()
+}
+
+fn narrow(points: &[[f64; 3]]) -> Vec<[f32; 3]> {
+    points.iter().map(|point| point.map(|value| value as f32)).collect()
+}
+
+fn narrow_bones(bones: &[BoneTransform<f64>]) -> Vec<BoneTransform<f32>> {
+    bones.iter().map(|bone| bone.map(|value| value as f32)).collect()
+}
+
+/// The share of `roots` (I per point, those with a small residual) that are candidates of their point.
+fn share_found<T: Real>(candidates: &Candidates<T>, roots: &[[f64; 3]], residuals: &[f64], within: f64) -> f64 {
+    let starts = roots.len() / candidates.len();
+    let (mut found, mut known) = (0, 0);
+    for (index, (&root, _)) in roots.iter().zip(residuals).enumerate().filter(|(_, (_, residual))| **residual < 1e-5) {
+        known += 1;
+        let mut of_point = candidates.points[candidates.range(index / starts)].iter();
+        found += usize::from(of_point.any(|&candidate| distance(candidate, root) < within));
+    }
+    f64::from(found as u32) / f64::from(known)
+}
+
+// d_w(x_canonical, B) = x_deformed
+#[test]
+fn the_golden_roots_deform_to_their_points() {
+    let golden = Golden::read();
+    let field = NaiveSkinning::golden(&golden);
+    for (pose, part) in (0..POSES).flat_map(|pose| PARTS.map(|part| (pose, part))) {
+        let bones = golden.bones(pose);
+        let canonical = golden.points(&format!("pose{pose}.{part}.x_canonical"));
+        let mut transforms = vec![[0.0; 12]; canonical.len()];
+        let mut deformed = vec![[0.0; 3]; canonical.len()];
+        ExactWarp::new(&field, &bones).unwrap().transforms(&mut Default::default(), &canonical, &mut transforms);
+        deform(&transforms, &canonical, &mut deformed).unwrap();
+        for (found, expected) in deformed.iter().zip(golden.points(&format!("pose{pose}.{part}.x_deformed"))) {
+            assert!(distance(*found, expected) < 1e-10, "{part} of pose {pose}: {found:?} != {expected:?}");
+        }
+    }
+}
+
+#[test]
+fn broyden_converges_as_often_as_newton_and_finds_its_roots() {
+    let golden = Golden::read();
+    let field = NaiveSkinning::golden(&golden);
+    let (groups, settings) = (groups(), SearchSettings::default());
+    let (mut starts, mut converged, mut newton, mut evaluations) = (0, 0, 0, 0);
+    for (pose, (label, part)) in (0..POSES).flat_map(|pose| PARTS.into_iter().enumerate().map(move |p| (pose, p))) {
+        let bones = golden.bones(pose);
+        let warp = ExactWarp::new(&field, &bones).unwrap();
+        let tensor = |name: &str| format!("pose{pose}.{part}.{name}");
+        let points = golden.points(&tensor("x_deformed"));
+        let labels = vec![label as u8; points.len()];
+        let found = search(&warp, &groups, &points, Some(&labels), &settings).unwrap();
+        let residuals = golden.values(&tensor("residual"));
+        let of_newton = share_found(&found, &golden.points(&tensor("x_root")), &residuals, 1e-3);
+        let of_truth = share_found(&found, &golden.points(&tensor("x_canonical")), &vec![0.0; points.len()], 1e-3);
+        // Where several roots exist, a start may reach another one than Newton's does.
+        assert!(of_newton > 0.93, "{part} of pose {pose}: {of_newton} of Newton's roots");
+        assert!(of_truth > 0.95, "{part} of pose {pose}: {of_truth} of the true roots");
+        let share = found.statistics.converged as f64 / residuals.len() as f64;
+        let of_newton = residuals.iter().filter(|residual| **residual < 1e-5).count() as f64 / residuals.len() as f64;
+        assert!(share >= of_newton - 0.02, "{part} of pose {pose}: {share} converge, with Newton {of_newton}");
+        starts += found.statistics.starts;
+        converged += found.statistics.converged;
+        evaluations += found.statistics.evaluations;
+        newton += residuals.iter().filter(|residual| **residual < 1e-5).count();
+        println!("{pose} {part} {share:.3} newton {of_newton:.3} {:?}", found.statistics);
+    }
+    println!("{converged} of {starts} starts converge (Newton: {newton}) in {evaluations} evaluations");
+    assert!(converged >= newton);
+    assert!(evaluations < 6 * starts, "{evaluations} evaluations for {starts} starts");
+}

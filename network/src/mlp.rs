@@ -1,0 +1,727 @@
+//! A weight-normalised softplus network and its derivatives, by hand, over blocks of rows (thesis ch. 4.2.1, fig. A.5).
+//!
+//! a_0 = [e(x) | condition], z_l = W_l a_l + b_l, a_(l+1) = softplus(z_l), output z_L; one layer's input may be [a | e(x)] / sqrt 2.
+//! With s = softplus'(z), the sweeps over the layers are:
+//!   forward   a_(l+1) = softplus(W_l a_l + b_l)                          value, features
+//!   down      u_(l-1) = s W_l^T u_l                                      input gradient g = e'(x)^T W_0^T u_0
+//!   up        p_l = W_l v_l, v_(l+1) = s p_l, v_0 = e'(x) g_bar          carries g's cotangent, leaves beta (1 - s) u p on z
+//!   backward  z_bar_(l-1) = s W_l^T z_bar_l + what up left               dW_l = z_bar a^T + u v^T
+//!
+//! Six matrix products a layer for a loss on g, three without. R rows a block, K tangent directions (0 or D), D coordinates,
+//! E encoded entries, C condition entries. A block's activations stay in cache from the first sweep to the last.
+
+use std::ops::Range;
+
+use rand::Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::activation::{add_column_sums, add_curvature, add_scaled, curvature_rows, scale_rows, softplus_rows};
+use crate::encoding::FrequencyEncoding;
+use crate::matmul::{Matrix, MatrixMut, Write, product};
+use crate::parameters::ParameterLayout;
+use crate::{Error, Real, Result};
+
+/// The extents of an [`Mlp`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MlpShape {
+    /// D: coordinates of a point (3, or 6 with a normal).
+    pub inputs: usize,
+    /// Frequencies of the encoding; 0 for none.
+    pub frequencies: usize,
+    /// Length of the pose-and-expression condition that `embedded` linear outputs are made of; 0 for none.
+    pub condition: usize,
+    /// Entries of the embedded condition, the first of C.
+    pub embedded: usize,
+    /// Further condition entries, given for each row; the last of C. No gradient is returned for them.
+    pub row_condition: usize,
+    /// Hidden layers.
+    pub depth: usize,
+    /// Units of each hidden layer.
+    pub width: usize,
+    /// The layer whose input the encoded point is joined to.
+    pub skip: Option<usize>,
+    /// Entries of the output.
+    pub outputs: usize,
+}
+
+impl MlpShape {
+    fn encoding(&self) -> FrequencyEncoding {
+        FrequencyEncoding { dimensions: self.inputs, frequencies: self.frequencies }
+    }
+
+    fn validate(&self) -> Result<()> {
+        let refuse =
+            |name, found: usize, expected: String| Err(Error::Shape { name, found: found.to_string(), expected });
+        let encoded = self.encoding().width();
+        if !(1..=8).contains(&self.inputs) {
+            return refuse("inputs", self.inputs, "1 to 8".into());
+        }
+        if self.frequencies > 16 {
+            return refuse("frequencies", self.frequencies, "at most 16".into());
+        }
+        if !(1..=64).contains(&self.depth) {
+            return refuse("depth", self.depth, "1 to 64".into());
+        }
+        if !(1..=1 << 14).contains(&self.width) {
+            return refuse("width", self.width, "1 to 16384".into());
+        }
+        if !(1..=1 << 14).contains(&self.outputs) {
+            return refuse("outputs", self.outputs, "1 to 16384".into());
+        }
+        if let Some(skip) = self.skip {
+            if skip < 1 || skip >= self.depth {
+                return refuse("skip", skip, format!("a hidden layer after the first, 1 to {}", self.depth - 1));
+            }
+            if self.width <= encoded {
+                return refuse(
+                    "width",
+                    self.width,
+                    format!("more than the {encoded} entries that skip to layer {skip}"),
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+/// One linear layer's extents and places: in the parameters (v, g, b) and in the folded weights (W, b).
+#[derive(Clone, Debug)]
+struct Layer {
+    inputs: usize,
+    outputs: usize,
+    /// W = scale * g v / |v|: 1 / sqrt 2 where the encoded point is joined.
+    scale: f64,
+    direction: Range<usize>,
+    magnitude: Range<usize>,
+    bias: Range<usize>,
+    folded_weight: Range<usize>,
+    folded_bias: Range<usize>,
+}
+
+/// The linear layer that embeds the condition.
+#[derive(Clone, Debug)]
+struct Embedding {
+    weight: Range<usize>,
+    bias: Range<usize>,
+}
+
+/// A network: its parameters, and the plain weights they fold to.
+#[derive(Clone, Debug)]
+pub struct Mlp<T> {
+    shape: MlpShape,
+    layout: ParameterLayout,
+    layers: Vec<Layer>,
+    embedding: Option<Embedding>,
+    parameters: Vec<T>,
+    folded: Vec<T>,
+}
+
+/// The gradient of a loss with respect to a network's folded weights, plus its embedding's parameters. One a thread.
+#[derive(Clone, Debug)]
+pub struct MlpGradient<T> {
+    folded: Vec<T>,
+    embedding: Vec<T>,
+}
+
+impl<T: Real> MlpGradient<T> {
+    /// Sets every entry to zero.
+    pub fn clear(&mut self) {
+        self.folded.fill(T::zero());
+        self.embedding.fill(T::zero());
+    }
+
+    /// Adds another gradient of the same network.
+    pub fn add(&mut self, other: &Self) {
+        for (sum, term) in self.folded.iter_mut().zip(&other.folded) {
+            *sum += *term;
+        }
+        for (sum, term) in self.embedding.iter_mut().zip(&other.embedding) {
+            *sum += *term;
+        }
+    }
+}
+
+/// One block's activations: what the sweeps of an [`Mlp`] leave for each other. One a thread and network.
+#[derive(Clone, Debug, Default)]
+pub struct Trace<T> {
+    rows: usize,
+    directions: usize,
+    points: Vec<T>,
+    /// a_l of each layer, then the K tangents of every row, or v_l (rows R..).
+    inputs: Vec<Vec<T>>,
+    slopes: Vec<Vec<T>>,
+    /// z_bar_l of each layer for every row of `inputs`, or u_l (rows R..).
+    cotangents: Vec<Vec<T>>,
+    output: Vec<T>,
+    /// W^T of a cotangent, before it is multiplied by the slope.
+    carried: Vec<T>,
+    /// Cotangent of a_0: the encoded point's entries, then the embedded condition's. (rows, E + embedded)
+    input_cotangent: Vec<T>,
+    /// e'^T's argument in the input gradient, (R, E).
+    encoded_gradient: Vec<T>,
+    gradient: Vec<T>,
+    point_cotangent: Vec<T>,
+}
+
+impl<T: Real> Trace<T> {
+    /// z_L of each row (R, outputs); with tangents, their K further blocks of R rows.
+    pub fn output(&self) -> &[T] {
+        &self.output
+    }
+
+    /// The last hidden activations, (R, width).
+    pub fn features(&self, mlp: &Mlp<T>) -> &[T] {
+        &self.inputs[mlp.shape.depth][..self.rows * mlp.shape.width]
+    }
+
+    /// The input gradient of the last call to [`Mlp::input_gradient`], (R, D).
+    pub fn gradient(&self) -> &[T] {
+        &self.gradient
+    }
+
+    /// The cotangent of the points of the last call to [`Mlp::backward`], (R, D).
+    pub fn point_cotangent(&self) -> &[T] {
+        &self.point_cotangent
+    }
+}
+
+/// What a backward sweep returns beside the parameters' gradient.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Backward {
+    /// Nothing.
+    Parameters,
+    /// The cotangent of the points too, see [`Trace::point_cotangent`].
+    ParametersAndPoints,
+}
+
+impl<T: Real> Mlp<T> {
+    /// A network with every parameter zero.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] names the extent that is out of range.
+    pub fn new(shape: MlpShape) -> Result<Self> {
+        shape.validate()?;
+        let encoded = shape.encoding().width();
+        let mut layout = ParameterLayout::default();
+        let mut layers = Vec::with_capacity(shape.depth + 1);
+        let mut folded = 0;
+        for index in 0..=shape.depth {
+            let inputs = match index {
+                0 => encoded + shape.embedded + shape.row_condition,
+                _ => shape.width,
+            };
+            let outputs = match index {
+                _ if index == shape.depth => shape.outputs,
+                _ if shape.skip == Some(index + 1) => shape.width - encoded,
+                _ => shape.width,
+            };
+            let direction = layout.push(format!("lin{index}.weight_v"), vec![outputs, inputs]);
+            let magnitude = layout.push(format!("lin{index}.weight_g"), vec![outputs, 1]);
+            let bias = layout.push(format!("lin{index}.bias"), vec![outputs]);
+            let folded_weight = folded..folded + outputs * inputs;
+            let folded_bias = folded_weight.end..folded_weight.end + outputs;
+            folded = folded_bias.end;
+            let scale = if shape.skip == Some(index) { std::f64::consts::FRAC_1_SQRT_2 } else { 1.0 };
+            layers.push(Layer { inputs, outputs, scale, direction, magnitude, bias, folded_weight, folded_bias });
+        }
+        let embedding = (shape.condition > 0).then(|| Embedding {
+            weight: layout.push("lin_p0.weight".into(), vec![shape.embedded, shape.condition]),
+            bias: layout.push("lin_p0.bias".into(), vec![shape.embedded]),
+        });
+        let parameters = vec![T::zero(); layout.len()];
+        Ok(Self { shape, layout, layers, embedding, parameters, folded: vec![T::zero(); folded] })
+    }
+
+    /// Its extents.
+    pub fn shape(&self) -> &MlpShape {
+        &self.shape
+    }
+
+    /// Names and places of its parameters.
+    pub fn layout(&self) -> &ParameterLayout {
+        &self.layout
+    }
+
+    /// Its parameters, in the order of [`Mlp::layout`].
+    pub fn parameters(&self) -> &[T] {
+        &self.parameters
+    }
+
+    /// Lets `change` alter the parameters, then folds the weight normalisation: W = g v / |v|.
+    pub fn update(&mut self, change: impl FnOnce(&mut [T])) {
+        change(&mut self.parameters);
+        for layer in &self.layers {
+            let scale = T::of(layer.scale);
+            let directions = self.parameters[layer.direction.clone()].chunks_exact(layer.inputs);
+            let magnitudes = &self.parameters[layer.magnitude.clone()];
+            let folded = self.folded[layer.folded_weight.clone()].chunks_exact_mut(layer.inputs);
+            for ((direction, magnitude), folded) in directions.zip(magnitudes).zip(folded) {
+                let factor = scale * *magnitude / norm(direction);
+                for (folded, direction) in folded.iter_mut().zip(direction) {
+                    *folded = factor * *direction;
+                }
+            }
+            self.folded[layer.folded_bias.clone()].copy_from_slice(&self.parameters[layer.bias.clone()]);
+        }
+    }
+
+    /// Draws every layer as PyTorch's `Linear` does: uniform within 1 / sqrt(inputs). Magnitudes are set to |v|.
+    pub fn initialise_uniform(&mut self, random: &mut impl Rng) {
+        let (layers, embedding, condition) = (self.layers.clone(), self.embedding.clone(), self.shape.condition);
+        self.update(|parameters| {
+            let mut draw = |range: Range<usize>, inputs: usize| {
+                let bound = 1.0 / (inputs as f64).sqrt();
+                for value in &mut parameters[range] {
+                    *value = T::of(random.random_range(-bound..bound));
+                }
+            };
+            for layer in &layers {
+                draw(layer.direction.clone(), layer.inputs);
+                draw(layer.bias.clone(), layer.inputs);
+            }
+            if let Some(embedding) = &embedding {
+                draw(embedding.weight.clone(), condition);
+                draw(embedding.bias.clone(), condition);
+            }
+            set_magnitudes(parameters, &layers);
+        });
+    }
+
+    /// Geometric initialisation (Atzmon & Lipman 2020): the output is close to |x| - `radius`.
+    pub fn initialise_sphere(&mut self, radius: f64, random: &mut impl Rng) {
+        self.initialise_uniform(random);
+        let (layers, shape) = (self.layers.clone(), self.shape.clone());
+        let skipped = shape.encoding().width() - shape.inputs;
+        self.update(|parameters| {
+            for (index, layer) in layers.iter().enumerate() {
+                let last = index == shape.depth;
+                let spread = std::f64::consts::SQRT_2 / (layer.outputs as f64).sqrt();
+                let mean = std::f64::consts::PI.sqrt() / (layer.inputs as f64).sqrt();
+                for row in parameters[layer.direction.clone()].chunks_exact_mut(layer.inputs) {
+                    for (column, value) in row.iter_mut().enumerate() {
+                        let normal: f64 = random.sample(rand_distr::StandardNormal);
+                        // Waves and conditions start without influence: only the coordinates themselves shape the sphere.
+                        let silent = (index == 0 && column >= shape.inputs)
+                            || (shape.skip == Some(index) && column >= layer.inputs - skipped);
+                        *value = T::of(match (last, silent) {
+                            (true, _) => mean + 1e-4 * normal,
+                            (false, true) => 0.0,
+                            (false, false) => spread * normal,
+                        });
+                    }
+                }
+                parameters[layer.bias.clone()].fill(T::of(if last { -radius } else { 0.0 }));
+            }
+            set_magnitudes(parameters, &layers);
+        });
+    }
+
+    /// Changes the sign of the output: a signed distance becomes an occupancy logit.
+    pub fn negate_output(&mut self) {
+        let last = self.layers[self.shape.depth].clone();
+        self.update(|parameters| {
+            for range in [last.direction, last.bias] {
+                parameters[range].iter_mut().for_each(|value| *value = -*value);
+            }
+        });
+    }
+
+    /// Embeds a condition, (embedded). Empty for a network without one.
+    pub fn embed(&self, condition: &[T]) -> Vec<T> {
+        let Some(embedding) = &self.embedding else { return Vec::new() };
+        assert_eq!(condition.len(), self.shape.condition, "condition length");
+        let rows = self.parameters[embedding.weight.clone()].chunks_exact(self.shape.condition);
+        let biases = &self.parameters[embedding.bias.clone()];
+        rows.zip(biases).map(|(row, bias)| *bias + row.iter().zip(condition).map(|(w, c)| *w * *c).sum::<T>()).collect()
+    }
+
+    /// Adds the embedding's share of a gradient, for the cotangent of an embedded condition (embedded).
+    pub fn embed_backward(&self, condition: &[T], cotangent: &[T], gradient: &mut MlpGradient<T>) {
+        let (weights, biases) = gradient.embedding.split_at_mut(self.shape.embedded * self.shape.condition);
+        let rows = weights.chunks_exact_mut(self.shape.condition.max(1));
+        for ((row, bias), cotangent) in rows.zip(biases).zip(cotangent) {
+            for (weight, condition) in row.iter_mut().zip(condition) {
+                *weight += *cotangent * *condition;
+            }
+            *bias += *cotangent;
+        }
+    }
+
+    /// A gradient of zeros.
+    pub fn zero_gradient(&self) -> MlpGradient<T> {
+        MlpGradient {
+            folded: vec![T::zero(); self.folded.len()],
+            embedding: vec![T::zero(); self.shape.condition.min(1) * self.shape.embedded * (self.shape.condition + 1)],
+        }
+    }
+
+    /// Turns a gradient of the folded weights into one of the parameters, in the order of [`Mlp::layout`].
+    ///
+    /// W = c g v / |v|:  dg = c dW . v / |v|,  dv = c g / |v| (dW - (dW . v) v / |v|^2).
+    pub fn parameter_gradient(&self, gradient: &MlpGradient<T>, result: &mut [T]) {
+        for layer in &self.layers {
+            let scale = T::of(layer.scale);
+            let directions = self.parameters[layer.direction.clone()].chunks_exact(layer.inputs);
+            let folded = gradient.folded[layer.folded_weight.clone()].chunks_exact(layer.inputs);
+            for (row, (direction, d_weight)) in directions.zip(folded).enumerate() {
+                let length = norm(direction);
+                let along = direction.iter().zip(d_weight).map(|(v, d)| *v * *d).sum::<T>() / length;
+                result[layer.magnitude.start + row] = scale * along;
+                let factor = scale * self.parameters[layer.magnitude.start + row] / length;
+                let start = layer.direction.start + row * layer.inputs;
+                for ((result, v), d) in result[start..start + layer.inputs].iter_mut().zip(direction).zip(d_weight) {
+                    *result = factor * (*d - along * *v / length);
+                }
+            }
+            result[layer.bias.clone()].copy_from_slice(&gradient.folded[layer.folded_bias.clone()]);
+        }
+        if let Some(embedding) = &self.embedding {
+            result[embedding.weight.start..embedding.bias.end].copy_from_slice(&gradient.embedding);
+        }
+    }
+
+    fn weight(&self, layer: &Layer) -> Matrix<'_, T> {
+        Matrix::new(&self.folded[layer.folded_weight.clone()], layer.outputs, layer.inputs, layer.inputs)
+    }
+
+    /// The columns of a layer's weights whose inputs are hidden units, or for the first layer encoded point and embedding.
+    fn weight_columns(&self, layer: &Layer, columns: Range<usize>) -> Matrix<'_, T> {
+        Matrix::new(
+            &self.folded[layer.folded_weight.start + columns.start..layer.folded_weight.end],
+            layer.outputs,
+            columns.len(),
+            layer.inputs,
+        )
+    }
+
+    /// Hidden units among the inputs of layer `index` > 0; the rest is the encoded point.
+    fn hidden_inputs(&self, index: usize) -> usize {
+        self.layers[index - 1].outputs
+    }
+
+    /// Forward sweep over the R points of `points` (R, D).
+    ///
+    /// `shared_condition` (embedded) is joined to every row, `row_condition` (R, row_condition) to its own.
+    pub fn forward(&self, trace: &mut Trace<T>, points: &[T], shared_condition: &[T], row_condition: &[T]) {
+        self.sweep_forward(trace, points, shared_condition, row_condition, 0);
+    }
+
+    /// Forward sweep with the D tangents of every row: the output's derivatives along each coordinate, stacked below it.
+    pub fn forward_with_tangents(
+        &self,
+        trace: &mut Trace<T>,
+        points: &[T],
+        shared_condition: &[T],
+        row_condition: &[T],
+    ) {
+        self.sweep_forward(trace, points, shared_condition, row_condition, self.shape.inputs);
+    }
+
+    fn sweep_forward(&self, trace: &mut Trace<T>, points: &[T], shared: &[T], row_condition: &[T], directions: usize) {
+        let shape = &self.shape;
+        let rows = points.len() / shape.inputs;
+        assert!(rows > 0 && points.len() == rows * shape.inputs, "points come in whole rows, at least one");
+        assert_eq!(shared.len(), shape.embedded, "shared condition");
+        assert_eq!(row_condition.len(), rows * shape.row_condition, "row condition");
+        trace.rows = rows;
+        trace.directions = directions;
+        let stacked = rows * (1 + directions);
+        resize(&mut trace.points, points.len());
+        trace.points.copy_from_slice(points);
+        trace.inputs.resize_with(shape.depth + 1, Vec::new);
+        trace.slopes.resize_with(shape.depth, Vec::new);
+        for (index, layer) in self.layers.iter().enumerate() {
+            // Room for v_l below a_l, whether or not a loss on the input gradient follows.
+            resize(&mut trace.inputs[index], stacked.max(2 * rows) * layer.inputs);
+        }
+        self.fill_first_inputs(trace, shared, row_condition);
+
+        for (index, layer) in self.layers.iter().enumerate() {
+            let (before, after) = trace.inputs.split_at_mut(index + 1);
+            let input = Matrix::new(&before[index], stacked, layer.inputs, layer.inputs);
+            let weight = self.weight(layer).transposed();
+            let bias = &self.folded[layer.folded_bias.clone()];
+            if index == shape.depth {
+                resize(&mut trace.output, stacked * layer.outputs);
+                product(
+                    MatrixMut::new(&mut trace.output, stacked, layer.outputs, layer.outputs),
+                    Write::Replace,
+                    input,
+                    weight,
+                );
+                for row in trace.output[..rows * layer.outputs].chunks_exact_mut(layer.outputs) {
+                    row.iter_mut().zip(bias).for_each(|(value, bias)| *value += *bias);
+                }
+                break;
+            }
+            let stride = self.layers[index + 1].inputs;
+            let next = &mut after[0];
+            product(MatrixMut::new(next, stacked, layer.outputs, stride), Write::Replace, input, weight);
+            let slopes = &mut trace.slopes[index];
+            resize(slopes, rows * layer.outputs);
+            let (values, tangents) = next.split_at_mut(rows * stride);
+            softplus_rows(values, stride, bias, slopes);
+            for tangent in tangents.chunks_exact_mut(rows * stride).take(directions) {
+                scale_rows(tangent, stride, slopes, layer.outputs);
+            }
+            if shape.skip == Some(index + 1) {
+                self.join_encoded(&before[0], next, index + 1, 0..stacked);
+            }
+        }
+    }
+
+    fn fill_first_inputs(&self, trace: &mut Trace<T>, shared: &[T], row_condition: &[T]) {
+        let encoding = self.shape.encoding();
+        let (encoded, stride) = (encoding.width(), self.layers[0].inputs);
+        let (values, tangents) = trace.inputs[0].split_at_mut(trace.rows * stride);
+        for (row, point) in trace.points.chunks_exact(self.shape.inputs).enumerate() {
+            let (wave, condition) = values[row * stride..(row + 1) * stride].split_at_mut(encoded);
+            encoding.encode(point, wave);
+            condition[..self.shape.embedded].copy_from_slice(shared);
+            let own = self.shape.row_condition;
+            condition[self.shape.embedded..].copy_from_slice(&row_condition[row * own..(row + 1) * own]);
+            for axis in 0..trace.directions {
+                let start = (axis * trace.rows + row) * stride;
+                let (wave, condition) = tangents[start..start + stride].split_at_mut(encoded);
+                encoding.tangent(point, axis, wave);
+                condition.fill(T::zero());
+            }
+        }
+    }
+
+    /// Copies the encoded point of `rows` of the first layer's input beside the hidden units of layer `index`'s.
+    fn join_encoded(&self, first: &[T], input: &mut [T], index: usize, rows: Range<usize>) {
+        let (encoded, first_stride) = (self.shape.encoding().width(), self.layers[0].inputs);
+        let (hidden, stride) = (self.hidden_inputs(index), self.layers[index].inputs);
+        for row in rows {
+            input[row * stride + hidden..(row + 1) * stride]
+                .copy_from_slice(&first[row * first_stride..row * first_stride + encoded]);
+        }
+    }
+
+    /// Down sweep: the gradient of seed . z_L with respect to each point, for `seed` (R, outputs). See [`Trace::gradient`].
+    ///
+    /// Follows [`Mlp::forward`] on the same trace.
+    pub fn input_gradient(&self, trace: &mut Trace<T>, seed: &[T]) {
+        let rows = trace.rows;
+        assert_eq!(trace.directions, 0, "the input gradient follows a forward sweep without tangents");
+        assert_eq!(seed.len(), rows * self.shape.outputs, "seed");
+        let encoding = self.shape.encoding();
+        let encoded = encoding.width();
+        trace.cotangents.resize_with(self.layers.len(), Vec::new);
+        for (cotangents, layer) in trace.cotangents.iter_mut().zip(&self.layers) {
+            resize(cotangents, 2 * rows * layer.outputs);
+        }
+        resize(&mut trace.encoded_gradient, rows * encoded);
+        trace.encoded_gradient.fill(T::zero());
+        trace.cotangents[self.shape.depth][rows * self.shape.outputs..].copy_from_slice(seed);
+        for index in (0..self.layers.len()).rev() {
+            let layer = &self.layers[index];
+            let (before, after) = trace.cotangents.split_at_mut(index);
+            let cotangent = Matrix::new(&after[0][rows * layer.outputs..], rows, layer.outputs, layer.outputs);
+            let hidden = if index == 0 { 0 } else { self.hidden_inputs(index) };
+            if index > 0 {
+                let previous = &mut before[index - 1][rows * hidden..];
+                let weight = self.weight_columns(layer, 0..hidden);
+                product(MatrixMut::new(previous, rows, hidden, hidden), Write::Replace, cotangent, weight);
+                scale_rows(previous, hidden, &trace.slopes[index - 1], hidden);
+            }
+            if index == 0 || self.shape.skip == Some(index) {
+                let weight = self.weight_columns(layer, hidden..hidden + encoded);
+                product(
+                    MatrixMut::new(&mut trace.encoded_gradient, rows, encoded, encoded),
+                    Write::Add,
+                    cotangent,
+                    weight,
+                );
+            }
+        }
+        resize(&mut trace.gradient, rows * self.shape.inputs);
+        trace.gradient.fill(T::zero());
+        let rows = trace.points.chunks_exact(self.shape.inputs).zip(trace.encoded_gradient.chunks_exact(encoded));
+        for ((point, cotangent), gradient) in rows.zip(trace.gradient.chunks_exact_mut(self.shape.inputs)) {
+            encoding.pull_back(point, cotangent, gradient);
+        }
+    }
+
+    /// Backward sweep: adds the parameters' gradient for the cotangent of the output, stacked as the output is, and
+    /// optionally of the input gradient (R, D), which needs [`Mlp::input_gradient`] to have run.
+    ///
+    /// Returns the cotangent of the shared condition (embedded), summed over the rows.
+    pub fn backward(
+        &self,
+        trace: &mut Trace<T>,
+        output_cotangent: &[T],
+        gradient_cotangent: Option<&[T]>,
+        wanted: Backward,
+        gradient: &mut MlpGradient<T>,
+    ) -> Vec<T> {
+        let rows = trace.rows;
+        let stacked = rows * (1 + trace.directions);
+        assert_eq!(output_cotangent.len(), stacked * self.shape.outputs, "output cotangent");
+        trace.cotangents.resize_with(self.layers.len(), Vec::new);
+        for (cotangents, layer) in trace.cotangents.iter_mut().zip(&self.layers) {
+            resize(cotangents, stacked.max(2 * rows) * layer.outputs);
+        }
+        trace.cotangents[self.shape.depth][..output_cotangent.len()].copy_from_slice(output_cotangent);
+        if let Some(cotangent) = gradient_cotangent {
+            self.sweep_up(trace, cotangent);
+        }
+        // Rows of (cotangent, input) pairs that add to dW: with v and u below a and z_bar, or the tangents.
+        let paired = if gradient_cotangent.is_some() { 2 * rows } else { stacked };
+        let encoding = self.shape.encoding();
+        let first_wanted = match wanted {
+            Backward::Parameters if self.shape.embedded == 0 => 0..0,
+            Backward::Parameters => encoding.width()..encoding.width() + self.shape.embedded,
+            Backward::ParametersAndPoints => 0..encoding.width() + self.shape.embedded,
+        };
+        let first_width = encoding.width() + self.shape.embedded;
+        resize(&mut trace.input_cotangent, stacked * first_width);
+        trace.input_cotangent.fill(T::zero());
+
+        for index in (0..self.layers.len()).rev() {
+            let layer = &self.layers[index];
+            let (before, after) = trace.cotangents.split_at_mut(index);
+            let current = &after[0];
+            product(
+                MatrixMut::new(
+                    &mut gradient.folded[layer.folded_weight.clone()],
+                    layer.outputs,
+                    layer.inputs,
+                    layer.inputs,
+                ),
+                Write::Add,
+                Matrix::new(current, paired, layer.outputs, layer.outputs).transposed(),
+                Matrix::new(&trace.inputs[index], paired, layer.inputs, layer.inputs),
+            );
+            add_column_sums(&mut gradient.folded[layer.folded_bias.clone()], &current[..rows * layer.outputs]);
+            let cotangent = Matrix::new(current, stacked, layer.outputs, layer.outputs);
+            if index == 0 {
+                if !first_wanted.is_empty() {
+                    let target = &mut trace.input_cotangent[first_wanted.start..];
+                    let weight = self.weight_columns(layer, first_wanted.clone());
+                    product(
+                        MatrixMut::new(target, stacked, first_wanted.len(), first_width),
+                        Write::Add,
+                        cotangent,
+                        weight,
+                    );
+                }
+                break;
+            }
+            let hidden = self.hidden_inputs(index);
+            resize(&mut trace.carried, stacked * hidden);
+            let weight = self.weight_columns(layer, 0..hidden);
+            product(MatrixMut::new(&mut trace.carried, stacked, hidden, hidden), Write::Replace, cotangent, weight);
+            if self.shape.skip == Some(index) && wanted == Backward::ParametersAndPoints {
+                let encoded = encoding.width();
+                let weight = self.weight_columns(layer, hidden..hidden + encoded);
+                let target = MatrixMut::new(&mut trace.input_cotangent, stacked, encoded, first_width);
+                product(target, Write::Add, cotangent, weight);
+            }
+            let block = rows * hidden;
+            let slopes = &trace.slopes[index - 1];
+            let previous = &mut before[index - 1];
+            if gradient_cotangent.is_none() {
+                previous[..stacked * hidden].fill(T::zero());
+            }
+            for (result, carried) in
+                previous[..stacked * hidden].chunks_exact_mut(block).zip(trace.carried.chunks_exact(block))
+            {
+                add_scaled(result, slopes, carried);
+            }
+            for direction in 1..=trace.directions {
+                let tangents = &trace.inputs[index][direction * rows * layer.inputs..];
+                let carried = &trace.carried[direction * block..(direction + 1) * block];
+                add_curvature(&mut previous[..block], slopes, tangents, layer.inputs, carried, hidden);
+            }
+        }
+        if wanted == Backward::ParametersAndPoints {
+            self.finish_point_cotangent(trace, gradient_cotangent);
+        }
+        let mut condition = vec![T::zero(); self.shape.embedded];
+        for row in trace.input_cotangent[..rows * first_width].chunks_exact(first_width) {
+            for (sum, value) in condition.iter_mut().zip(&row[encoding.width()..]) {
+                *sum += *value;
+            }
+        }
+        condition
+    }
+
+    /// Up sweep: v_l into rows R.. of the inputs, and what it leaves on z into rows ..R of the cotangents.
+    fn sweep_up(&self, trace: &mut Trace<T>, gradient_cotangent: &[T]) {
+        let rows = trace.rows;
+        assert_eq!(trace.directions, 0, "a loss on the input gradient needs a forward sweep without tangents");
+        assert_eq!(gradient_cotangent.len(), rows * self.shape.inputs, "gradient cotangent");
+        let encoding = self.shape.encoding();
+        let stride = self.layers[0].inputs;
+        let directions = gradient_cotangent.chunks_exact(self.shape.inputs);
+        for (row, (point, direction)) in trace.points.chunks_exact(self.shape.inputs).zip(directions).enumerate() {
+            let start = (rows + row) * stride;
+            let (wave, condition) = trace.inputs[0][start..start + stride].split_at_mut(encoding.width());
+            encoding.push_forward(point, direction, wave);
+            condition.fill(T::zero());
+        }
+        for index in 0..self.shape.depth {
+            let layer = &self.layers[index];
+            let stride = self.layers[index + 1].inputs;
+            let (before, after) = trace.inputs.split_at_mut(index + 1);
+            let carried = if index == 0 { encoding.width() } else { layer.inputs };
+            product(
+                MatrixMut::new(&mut after[0][rows * stride..], rows, layer.outputs, stride),
+                Write::Replace,
+                Matrix::new(&before[index][rows * layer.inputs..], rows, carried, layer.inputs),
+                self.weight_columns(layer, 0..carried).transposed(),
+            );
+            let (curvature, cotangents) = trace.cotangents[index].split_at_mut(rows * layer.outputs);
+            let tangents = &mut after[0][rows * stride..2 * rows * stride];
+            curvature_rows(tangents, stride, &trace.slopes[index], cotangents, curvature, layer.outputs);
+            if self.shape.skip == Some(index + 1) {
+                self.join_encoded(&before[0], &mut after[0], index + 1, rows..2 * rows);
+            }
+        }
+    }
+
+    fn finish_point_cotangent(&self, trace: &mut Trace<T>, gradient_cotangent: Option<&[T]>) {
+        let encoding = self.shape.encoding();
+        let (encoded, dimensions) = (encoding.width(), self.shape.inputs);
+        let width = encoded + self.shape.embedded;
+        resize(&mut trace.point_cotangent, trace.rows * dimensions);
+        trace.point_cotangent.fill(T::zero());
+        for (row, result) in trace.point_cotangent.chunks_exact_mut(dimensions).enumerate() {
+            let point = &trace.points[row * dimensions..(row + 1) * dimensions];
+            encoding.pull_back(point, &trace.input_cotangent[row * width..row * width + encoded], result);
+            if let Some(cotangents) = gradient_cotangent {
+                let direction = &cotangents[row * dimensions..(row + 1) * dimensions];
+                let along = &trace.encoded_gradient[row * encoded..(row + 1) * encoded];
+                encoding.pull_back_second(point, direction, along, result);
+            }
+            for axis in 0..trace.directions {
+                let start = ((1 + axis) * trace.rows + row) * width;
+                let along = &trace.input_cotangent[start..start + encoded];
+                let mut direction = [T::zero(); 8];
+                direction[axis] = T::one();
+                encoding.pull_back_second(point, &direction[..dimensions], along, result);
+            }
+        }
+    }
+}
+
+fn set_magnitudes<T: Real>(parameters: &mut [T], layers: &[Layer]) {
+    for layer in layers {
+        for row in 0..layer.outputs {
+            let start = layer.direction.start + row * layer.inputs;
+            parameters[layer.magnitude.start + row] = norm(&parameters[start..start + layer.inputs]);
+        }
+    }
+}
+
+fn norm<T: Real>(values: &[T]) -> T {
+    values.iter().map(|value| *value * *value).sum::<T>().sqrt()
+}
+
+/// Grows or shrinks without clearing: every entry that is read has been written since.
+fn resize<T: Real>(values: &mut Vec<T>, length: usize) {
+    values.resize(length, T::zero());
+}

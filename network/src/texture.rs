@@ -1,0 +1,71 @@
+//! The texture field: canonical point and deformed normal to colour (thesis ch. 4.2.6, fig. A.5).
+//!
+//! Input [x_c | n_d] encoded, condition [embedded c | geometry's last hidden activations]; sigmoid of the output, sRGB in [0, 1].
+//! No gradient flows into the geometry's activations (METHOD section 8).
+
+use rand::Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::mlp::{Mlp, MlpShape};
+use crate::{Real, Result};
+
+/// The extents of a [`TextureField`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TextureShape {
+    /// Hidden layers (thesis: 8).
+    pub depth: usize,
+    /// Units a layer (thesis: 256).
+    pub width: usize,
+    /// Frequencies of the encoding (thesis: 4).
+    pub frequencies: usize,
+    /// The layer the encoded input is joined to (thesis: 4).
+    pub skip: usize,
+}
+
+/// The texture field.
+#[derive(Clone, Debug)]
+pub struct TextureField<T> {
+    /// The network, below the sigmoid.
+    pub mlp: Mlp<T>,
+}
+
+impl<T: Real> TextureField<T> {
+    /// A field that sees `embedded` condition entries and `features` geometry activations, all parameters zero.
+    ///
+    /// # Errors
+    /// [`crate::Error::Shape`] names the extent that is out of range.
+    pub fn new(shape: &TextureShape, embedded: usize, features: usize) -> Result<Self> {
+        let mlp = Mlp::new(MlpShape {
+            inputs: 6,
+            frequencies: shape.frequencies,
+            condition: 0,
+            embedded,
+            row_condition: features,
+            depth: shape.depth,
+            width: shape.width,
+            skip: Some(shape.skip),
+            outputs: 3,
+        })?;
+        Ok(Self { mlp })
+    }
+
+    /// Draws the parameters as PyTorch's `Linear` does.
+    pub fn initialise(&mut self, random: &mut impl Rng) {
+        self.mlp.initialise_uniform(random);
+    }
+
+    /// Turns outputs (N, 3) into colours in [0, 1].
+    pub fn colours(output: &[T], colours: &mut [T]) {
+        for (colour, value) in colours.iter_mut().zip(output) {
+            *colour = T::one() / (T::one() + (-*value).exp());
+        }
+    }
+
+    /// Turns the cotangent of colours (N, 3) into that of the outputs, in place.
+    pub fn colours_backward(colours: &[T], cotangent: &mut [T]) {
+        for (cotangent, colour) in cotangent.iter_mut().zip(colours) {
+            *cotangent *= *colour * (T::one() - *colour);
+        }
+    }
+}
