@@ -10,6 +10,7 @@ pub mod data;
 mod error;
 pub mod evaluate;
 pub mod fields;
+pub mod mannequin;
 pub mod mesh;
 pub mod render;
 pub mod train;
