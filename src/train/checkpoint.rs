@@ -146,7 +146,8 @@ pub(crate) fn insert_parameters(file: &mut TensorFile, fields: &Fields<f32>) {
 pub(crate) fn load_parameters(file: &TensorFile, fields: &mut Fields<f32>) -> Result<()> {
     for (name, network) in FIELD_NAMES.iter().zip(fields.networks_mut()) {
         let prefix = format!("{name}.");
-        let own = file.tensors.iter().filter_map(|(key, tensor)| Some((key.strip_prefix(&prefix)?.into(), tensor.clone())));
+        let own =
+            file.tensors.iter().filter_map(|(key, tensor)| Some((key.strip_prefix(&prefix)?.into(), tensor.clone())));
         let flat = network.layout().gather(&own.collect())?;
         network.update(|parameters| parameters.copy_from_slice(&flat));
     }

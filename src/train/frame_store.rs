@@ -176,7 +176,8 @@ fn from_arrays(id: FrameId, path: &Path, arrays: &ArrayMap) -> Result<ScanFrame>
     };
     let ten = |key: &str| <[f32; 10]>::try_from(floats(key)?).map_err(|_| broken(key));
     let vertices = triples("vertices")?;
-    let faces = arrays.get("faces").and_then(|faces| faces.to_indices(vertices.len())).ok_or_else(|| broken("faces"))?;
+    let faces =
+        arrays.get("faces").and_then(|faces| faces.to_indices(vertices.len())).ok_or_else(|| broken("faces"))?;
     let bytes = |key: &str| match arrays.get(key).map(|array| &array.data) {
         Some(ArrayData::U8(bytes)) => Ok(bytes.clone()),
         _ => Err(broken(key)),
@@ -199,7 +200,7 @@ fn from_arrays(id: FrameId, path: &Path, arrays: &ArrayMap) -> Result<ScanFrame>
     let [global_orient, body_pose @ .., jaw_pose, left_eye_pose, right_eye_pose] = joints.as_slice() else {
         return Err(broken("joints"));
     };
-    let hand = |side: &str| {
+    let hand = |side: &str| -> Result<HandPose> {
         let axis_angles = |key: &str| -> Result<[PoseAxisAngle; 15]> {
             let joints: Vec<PoseAxisAngle> = triples(key)?.into_iter().map(PoseAxisAngle).collect();
             joints.try_into().map_err(|_| broken(key))

@@ -65,7 +65,11 @@ impl<'a> CanonicalBody<'a> {
         Ok(Self {
             weights: body.skinning_weights(),
             vertices: expressions[0].mesh.vertices.iter().map(Vec3::to_array).collect(),
-            bone_points: Bone::of_joints(&joints).iter().flat_map(|bone| bone.points(points_a_bone)).map(|p| p.to_array()).collect(),
+            bone_points: Bone::of_joints(&joints)
+                .iter()
+                .flat_map(|bone| bone.points(points_a_bone))
+                .map(|p| p.to_array())
+                .collect(),
             joints,
             hands_and_face: (0..labels.parts.len()).filter(|vertex| labels.parts[*vertex] != Part::Body).collect(),
             expressions,
@@ -161,4 +165,3 @@ impl<'a> CanonicalBody<'a> {
         &self.joints
     }
 }
-

@@ -9,11 +9,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use glam::Vec3;
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use xavatar_deformer::{SearchStatistics, StartGroups};
-use xavatar_network::{Adam, clipping_factor};
+use xavatar_network::{Adam, Representation, clipping_factor};
 
 use super::checkpoint::{Progress, State, checkpoints};
 use super::frame_store::FrameStore;
@@ -60,6 +61,7 @@ pub enum Ending {
 pub struct Trainer<'a> {
     config: &'a Config,
     body: &'a BodyModel,
+    labels: &'a PartLabels,
     run: PathBuf,
     subject: Subject,
     canonical: CanonicalBody<'a>,
@@ -163,6 +165,7 @@ impl<'a> Trainer<'a> {
             run: run.into(),
             config,
             body,
+            labels,
             subject,
             canonical,
             state,
@@ -358,7 +361,8 @@ impl<'a> Trainer<'a> {
         };
         let in_frame = |error: Error| error.in_frame(frame.id.to_string());
         let (on, on_statistics) = posed.correspondences(&samples.on_points, &samples.on_labels).map_err(in_frame)?;
-        let (off, off_statistics) = posed.correspondences(&samples.off_points, &samples.off_labels).map_err(in_frame)?;
+        let (off, off_statistics) =
+            posed.correspondences(&samples.off_points, &samples.off_labels).map_err(in_frame)?;
         *statistics = statistics.and(on_statistics).and(off_statistics);
 
         let mut batch = CanonicalBatch {
@@ -373,15 +377,17 @@ impl<'a> Trainer<'a> {
             batch.on_normals.push(samples.on_normals[index]);
             batch.on_colours.push(samples.on_colours[index]);
         }
-        let outward = fields.geometry.representation.outward();
+        let inside = |target: f32| match fields.geometry.representation {
+            Representation::Occupancy => target > 0.5,
+            Representation::SignedDistance => target < 0.0,
+        };
         for (found, target) in off.into_iter().zip(samples.off_targets) {
             match found {
                 Some(Correspondence { canonical, .. }) => {
                     batch.off_points.push(canonical);
                     batch.off_targets.push(target);
                 }
-                None if outward * (target - 0.5 * (1.0 - outward) / 2.0) < 0.0 => record.inside_without_root += 1,
-                None => {}
+                None => record.inside_without_root += usize::from(inside(target)),
             }
         }
         self.canonical.anchor(WEIGHT_POINTS, &mut random, &mut batch);
@@ -429,13 +435,16 @@ impl<'a> Trainer<'a> {
     /// The first frame's scan beside the avatar in the same pose.
     fn preview(&self, observer: &mut dyn Observer) -> Result<()> {
         let frame = self.frames.read(0)?;
-        let extracted = match self.avatar().extract_posed(self.body, &frame.parameters, PREVIEW_RESOLUTION) {
+        let extracted = match self.avatar().extract_posed(self.body, self.labels, &frame.parameters, PREVIEW_RESOLUTION)
+        {
             Err(Error::NoSurface { .. }) => return Ok(()),
             extracted => extracted?,
         };
         let folder = self.run.join(PREVIEWS);
         fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
-        let (low, high) = frame.scan.bounds();
+        let corner =
+            |fold: fn(Vec3, Vec3) -> Vec3| frame.scan.vertices.iter().copied().reduce(fold).unwrap_or_default();
+        let (low, high) = (corner(Vec3::min), corner(Vec3::max));
         let camera = Camera::framing(low, high, FRONT, PREVIEW_WIDTH, PREVIEW_HEIGHT)?;
         let tiles = |view: View| -> Result<Vec<Tile>> {
             Ok(vec![
