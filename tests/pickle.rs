@@ -44,7 +44,7 @@ fn scans_with_array_subclasses_are_read() {
     let mesh = read_pickle_arrays(golden("mesh-p5.pkl")).unwrap();
     assert_eq!(mesh["vertices"].shape, [2562, 3]);
     assert_close(sum(&mesh["vertices"]), 0.0, 1e-9);
-    assert_close(sum(&mesh["uvs"]), 2563.012_628_676_814, 1e-3);
+    assert_close(sum(&mesh["uvs"]), 2_563.012_628_676_814, 1e-3);
     assert_eq!(sum(&mesh["faces"]), 19_683_780.0);
 }
 
