@@ -10,8 +10,11 @@ mod error;
 mod groups;
 mod implicit;
 mod normals;
+mod plan;
 mod search;
 mod skinning;
+#[cfg(test)]
+mod softmax_field;
 mod warp;
 
 pub use affine::{BoneTransform, Jacobian, bone_transform};

@@ -6,14 +6,19 @@ mod array;
 
 mod element;
 mod fault;
+mod fields;
+mod motion;
 mod npy;
 mod npz;
 mod pickle;
+mod xhumans;
 
 pub use array::{Array, ArrayData, ArrayMap};
+pub use motion::{Motion, read_motion, write_motion};
 pub use npy::read_npy;
 pub use npz::{read_npz, write_npz};
 pub use pickle::{Value, read_pickle, read_pickle_arrays, write_pickle};
+pub use xhumans::{Subject, read_frame, write_subject};
 
 use std::path::PathBuf;
 
@@ -48,6 +53,24 @@ pub struct FrameFiles {
     pub atlas: Option<PathBuf>,
     /// The registration's parameters.
     pub parameters: PathBuf,
+}
+
+/// The frames of one split of a subject, in order, read on demand.
+pub trait FrameSource: Sync {
+    /// The frames there are.
+    fn ids(&self) -> &[FrameId];
+
+    /// Reads the frame at `index` of [`FrameSource::ids`].
+    ///
+    /// # Errors
+    /// [`crate::Error::Frame`] naming the frame, if a file is missing or broken.
+    fn read(&self, index: usize) -> crate::Result<ScanFrame>;
+
+    /// The subject's shape.
+    fn betas(&self) -> [f32; 10];
+
+    /// The subject's gender.
+    fn gender(&self) -> crate::body::Gender;
 }
 
 /// A frame in memory: a coloured scan and the SMPL-X parameters registered to it.
