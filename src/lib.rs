@@ -2,12 +2,14 @@
 //!
 //! Data flows one way: files -> [`data`] -> frames -> [`train`] -> [`avatar`] -> [`mesh`] -> pictures, exports, metrics.
 
+mod atomic_file;
 pub mod avatar;
 pub mod body;
 pub mod config;
 pub mod data;
 mod error;
 pub mod evaluate;
+pub mod mannequin;
 pub mod mesh;
 pub mod render;
 pub mod train;

@@ -10,7 +10,6 @@ mod part_files;
 mod parts;
 mod posing;
 mod skeleton;
-mod stand_in;
 
 pub use bones::{Bone, joint_weights};
 pub use gender::Gender;
@@ -18,4 +17,4 @@ pub use model::BodyModel;
 pub use parameters::{BodyParameters, HandPose, PoseAxisAngle};
 pub use parts::{FULL_GROUP, Part, PartLabelSource, PartLabels};
 pub use posing::PosedBody;
-pub use skeleton::{JOINTS, PARENTS};
+pub use skeleton::{JOINT_NAMES, JOINTS, PARENTS};

@@ -11,8 +11,7 @@ use super::blend_shapes::BlendShapes;
 use super::gender::Gender;
 use super::model_file::ModelFile;
 use super::skeleton::JOINTS;
-use super::stand_in::{read_npz, read_pickle_arrays};
-use crate::data::ArrayMap;
+use crate::data::{ArrayMap, read_npz, read_pickle_arrays};
 use crate::mesh::TriangleMesh;
 use crate::{Error, Result};
 

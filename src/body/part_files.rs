@@ -6,9 +6,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::stand_in::{read_npy, read_pickle_arrays};
 use super::{BodyModel, Gender, Part, PartLabelSource, PartLabels};
-use crate::data::{Array, ArrayData, ArrayMap};
+use crate::data::{Array, ArrayData, ArrayMap, read_npy, read_pickle_arrays};
 use crate::{Error, Result};
 
 const VERTEX_LABELS: &str = "_vertex_labels.pkl";

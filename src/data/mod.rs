@@ -4,7 +4,16 @@
 
 mod array;
 
+mod element;
+mod fault;
+mod npy;
+mod npz;
+mod pickle;
+
 pub use array::{Array, ArrayData, ArrayMap};
+pub use npy::read_npy;
+pub use npz::{read_npz, write_npz};
+pub use pickle::{Value, read_pickle, read_pickle_arrays, write_pickle};
 
 use std::path::PathBuf;
 

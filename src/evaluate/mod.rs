@@ -1,1 +1,87 @@
-//! (to come)
+//! How good an avatar is: meshes predicted for held-out frames against their scans, beside the SMPLX+D baseline (thesis ch. 5).
+//!
+//! Frames are streamed: one scan is in memory at a time. Random numbers depend on the seed and the frame's place alone.
+
+mod metrics;
+mod overlap;
+mod registration;
+mod report;
+mod smplx_d;
+
+pub use metrics::{FrameMetrics, PartMetrics, Parts, compare};
+pub use registration::Registration;
+pub use report::{FrameReport, Report};
+pub use smplx_d::{SMPLX_D, SmplxD};
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use crate::body::{BodyModel, PartLabels};
+use crate::data::ScanFrame;
+use crate::mesh::TriangleMesh;
+use crate::{Error, Result};
+
+/// What the predictions of a sequence are measured with.
+pub struct Evaluation<'a> {
+    /// The body model that the frames are registered with.
+    pub body: &'a BodyModel,
+    /// Its vertices' parts.
+    pub labels: &'a PartLabels,
+    /// A baseline to measure beside the prediction.
+    pub baseline: Option<&'a SmplxD<'a>>,
+    /// Points drawn on each surface and in each box; [`Evaluation::SAMPLES`] is enough for 1 % of the chamfer distance.
+    pub samples: usize,
+    /// Of the points.
+    pub seed: u64,
+}
+
+impl Evaluation<'_> {
+    /// Points per surface that the published evaluation is matched with.
+    pub const SAMPLES: usize = 20_000;
+
+    /// Measures what `predict` makes of each frame, in world coordinates, and shows every frame's metrics to `progress`.
+    ///
+    /// # Errors
+    /// The first error of `frames`, of `predict`, or of the comparison, with the frame named; [`Error::Value`] if there is no frame.
+    pub fn run(
+        &self,
+        frames: impl IntoIterator<Item = Result<ScanFrame>>,
+        predict: impl Fn(&ScanFrame) -> Result<TriangleMesh>,
+        mut progress: impl FnMut(&FrameReport),
+    ) -> Result<Report> {
+        let mut report = Report::default();
+        for frame in frames {
+            let frame = frame?;
+            let place = report.per_frame.len() as u64;
+            let measured =
+                self.measure(&frame, place, &predict).map_err(|error| error.in_frame(frame.id.to_string()))?;
+            progress(&measured);
+            report.per_frame.push(measured);
+        }
+        if report.per_frame.is_empty() {
+            return Err(Error::Value {
+                name: "frames to evaluate".into(),
+                found: "none".into(),
+                expected: "at least one".into(),
+            });
+        }
+        Ok(report)
+    }
+
+    fn measure(
+        &self,
+        frame: &ScanFrame,
+        place: u64,
+        predict: impl Fn(&ScanFrame) -> Result<TriangleMesh>,
+    ) -> Result<FrameReport> {
+        let registration = Registration::new(&self.body.pose(&frame.parameters)?.vertices, self.labels)?;
+        // The prediction and the baseline meet the same random numbers.
+        let compare = |mesh: &TriangleMesh| {
+            let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+            random.set_stream(place);
+            compare(mesh, &frame.scan, &registration, self.samples, &mut random)
+        };
+        let baseline = self.baseline.map(|baseline| compare(&baseline.pose(&frame.parameters)?)).transpose()?;
+        Ok(FrameReport { frame: frame.id.to_string(), metrics: compare(&predict(frame)?)?, baseline })
+    }
+}

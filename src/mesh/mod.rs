@@ -3,12 +3,19 @@
 //! Metres, Y up; faces wind counter-clockwise seen from outside, so normals point outward.
 
 mod atomic;
+mod closest;
 mod components;
 mod extract;
 mod fault;
+mod hierarchy;
 mod ply;
+mod sampling;
+mod surface;
+#[cfg(test)]
+mod testing;
 mod texture;
 mod watertight;
+mod winding;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,10 +23,14 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use image::RgbImage;
 
+pub use closest::{ClosestPoint, SurfaceIndex};
 pub use components::largest_component;
 pub use extract::{ExtractionGrid, FINEST_RESOLUTION, Sign, extract};
 pub use ply::{read_ply, write_ply};
+pub use sampling::SurfaceSampler;
+pub use surface::SurfacePoint;
 pub use watertight::Topology;
+pub use winding::SolidIndex;
 
 use crate::{Error, Result};
 

@@ -78,20 +78,26 @@ impl TriangleMesh {
     /// Vertices keep the order of their first appearance; faces keep theirs, also those that have lost their area.
     #[must_use]
     pub fn merged_by_position(&self) -> Self {
-        let mut vertices = Vec::with_capacity(self.vertices.len());
-        let mut indices = HashMap::with_capacity(self.vertices.len());
-        let merged: Vec<u32> = self
-            .vertices
-            .iter()
-            .map(|&vertex| {
-                *indices.entry((vertex + Vec3::ZERO).to_array().map(f32::to_bits)).or_insert_with(|| {
-                    vertices.push(vertex);
-                    vertices.len() as u32 - 1
-                })
-            })
-            .collect();
+        let (merged, count) = self.merged_indices();
+        let mut vertices = Vec::with_capacity(count);
+        for (&place, &vertex) in merged.iter().zip(&self.vertices) {
+            if place as usize == vertices.len() {
+                vertices.push(vertex);
+            }
+        }
         let faces = self.faces.iter().map(|face| face.map(|v| merged[v as usize])).collect();
         Self { vertices, faces, normals: None, colouring: Colouring::None }
+    }
+
+    /// The number of each vertex (V) if there were one a position, in order of first appearance; and how many there are.
+    pub(super) fn merged_indices(&self) -> (Vec<u32>, usize) {
+        let mut places = HashMap::with_capacity(self.vertices.len());
+        let place_of = |vertex: &Vec3| {
+            let next = places.len() as u32;
+            *places.entry((*vertex + Vec3::ZERO).to_array().map(f32::to_bits)).or_insert(next)
+        };
+        let merged = self.vertices.iter().map(place_of).collect();
+        (merged, places.len())
     }
 
     /// The enclosed volume, cubic metres; negative if inside out, meaningless if open.

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::camera::{Camera, Projection};
 use super::rasterize::{Band, EMPTY, Rasterizer};
-use crate::mesh::{Colouring, TriangleMesh};
+use crate::mesh::{SurfacePoint, TriangleMesh};
 use crate::{Error, Result};
 
 /// n of the n x n samples in a pixel of a picture.
@@ -20,16 +20,18 @@ const SAMPLES: u32 = 2;
 /// Coordinates beyond it are no picture's subject, and their squares would leave f32's range, metres.
 const FARTHEST: f32 = 1e6;
 /// The colour of a mesh without one: a warm plaster, linear.
-const PLASTER: Vec3 = Vec3::new(0.60, 0.59, 0.57);
+const PLASTER: Vec3 = Vec3::new(0.64, 0.62, 0.59);
 /// Background at the top and at the bottom of a picture, linear.
 const BACKGROUND: [f32; 2] = [1.0, 0.83];
 
 /// Towards the key light (from the upper left, in front of the subject), camera space, and its strength.
-const KEY: (Vec3, f32) = (Vec3::new(-0.52, -0.62, -0.59), 0.95);
+const KEY: (Vec3, f32) = (Vec3::new(-0.56, -0.62, -0.55), 0.92);
 /// Towards the fill light (from the right), and its strength.
-const FILL: (Vec3, f32) = (Vec3::new(0.83, -0.06, -0.56), 0.28);
+const FILL: (Vec3, f32) = (Vec3::new(0.86, -0.05, -0.51), 0.16);
+/// How far lamps reach around a limb: 0 is Lambert's point light, 0.5 leaves only the opposite point dark.
+const WRAP: f32 = 0.25;
 /// Ambient light from below and from above.
-const AMBIENT: [f32; 2] = [0.16, 0.42];
+const AMBIENT: [f32; 2] = [0.08, 0.24];
 /// Share of a coloured surface's light that does not depend on direction: scans carry their own shading.
 const UNLIT_SHARE: f32 = 0.55;
 
@@ -54,7 +56,7 @@ pub fn render_mesh(mesh: &TriangleMesh, camera: &Camera, view: View) -> Result<R
     let points = to_camera(mesh, &projection);
     let normals = match &mesh.normals {
         Some(normals) => Cow::Borrowed(normals.as_slice()),
-        None => Cow::Owned(area_weighted_normals(mesh)),
+        None => Cow::Owned(mesh.vertex_normals()),
     };
     let surface = Surface { mesh, points: &points, normals: &normals, projection, view };
     let mut picture = RgbImage::new(camera.width, camera.height);
@@ -103,19 +105,6 @@ fn check(mesh: &TriangleMesh) -> Result<()> {
     }
 }
 
-/// Vertex normals as the sum of the adjacent faces' area vectors, not normalised.
-fn area_weighted_normals(mesh: &TriangleMesh) -> Vec<Vec3> {
-    let mut normals = vec![Vec3::ZERO; mesh.vertices.len()];
-    for face in &mesh.faces {
-        let [a, b, c] = face.map(|vertex| mesh.vertices[vertex as usize]);
-        for &vertex in face {
-            normals[vertex as usize] += (b - a).cross(c - a);
-        }
-    }
-    normals.par_iter_mut().for_each(|normal| *normal = normal.normalize_or_zero());
-    normals
-}
-
 /// A mesh before a camera.
 struct Surface<'a> {
     mesh: &'a TriangleMesh,
@@ -129,30 +118,41 @@ struct Surface<'a> {
 
 impl Surface<'_> {
     fn shade(&self, band: &Band, pixels: &mut [u8], camera: &Camera) {
-        let scale = 1.0 / SAMPLES as f32;
-        for (index, pixel) in pixels.chunks_exact_mut(3).enumerate() {
-            let (column, row) = (index as u32 % camera.width, index as u32 / camera.width);
-            let first = row as usize * SAMPLES as usize * band.stride + (column * SAMPLES) as usize;
-            let places = [first, first + 1, first + band.stride, first + band.stride + 1];
-            let faces = places.map(|sample| band.faces[sample]);
-            let corner = Vec2::new(column as f32, (band.first_row + row) as f32);
-            let offset = |sample: usize| Vec2::new((sample % 2) as f32 + 0.5, (sample / 2) as f32 + 0.5) * scale;
-            let mut light = Vec3::ZERO;
-            for sample in 0..faces.len() {
-                if faces[..sample].contains(&faces[sample]) {
-                    continue;
+        for (index, line) in pixels.chunks_exact_mut(3 * camera.width as usize).enumerate() {
+            let row = band.first_row + index as u32;
+            let background = self.background((row as f32 + 0.5) / camera.height as f32);
+            let empty = background.to_array().map(encode_srgb);
+            let first = index * SAMPLES as usize * band.stride;
+            for (column, pixel) in line.chunks_exact_mut(3).enumerate() {
+                let place = first + column * SAMPLES as usize;
+                let faces = [place, place + 1, place + band.stride, place + band.stride + 1].map(|i| band.faces[i]);
+                if faces == [EMPTY; 4] {
+                    pixel.copy_from_slice(&empty);
+                } else {
+                    let light = self.mean_light(faces, Vec2::new(column as f32, row as f32), background);
+                    pixel.copy_from_slice(&light.to_array().map(encode_srgb));
                 }
-                let alike = (sample..faces.len()).filter(|&other| faces[other] == faces[sample]);
-                let (centroid, count) = alike.fold((Vec2::ZERO, 0.0), |(sum, n), other| (sum + offset(other), n + 1.0));
-                light += count
-                    * match faces[sample] {
-                        EMPTY => self.background((corner.y + 0.5) / camera.height as f32),
-                        face => self.colour(face, corner + centroid / count),
-                    };
             }
-            let shares = light / faces.len() as f32;
-            pixel.copy_from_slice(&shares.to_array().map(encode_srgb));
         }
+    }
+
+    /// The mean over the faces that the samples of the pixel with this upper left corner see.
+    fn mean_light(&self, faces: [u32; 4], corner: Vec2, background: Vec3) -> Vec3 {
+        let offset = |sample: usize| Vec2::new((sample % 2) as f32 + 0.5, (sample / 2) as f32 + 0.5) / SAMPLES as f32;
+        let mut light = Vec3::ZERO;
+        for sample in 0..faces.len() {
+            if faces[..sample].contains(&faces[sample]) {
+                continue;
+            }
+            let alike = (sample..faces.len()).filter(|&other| faces[other] == faces[sample]);
+            let (centroid, count) = alike.fold((Vec2::ZERO, 0.0), |(sum, n), other| (sum + offset(other), n + 1.0));
+            light += count
+                * match faces[sample] {
+                    EMPTY => background,
+                    face => self.colour(face, corner + centroid / count),
+                };
+        }
+        light / faces.len() as f32
     }
 
     fn background(&self, height: f32) -> Vec3 {
@@ -167,25 +167,19 @@ impl Surface<'_> {
         let vertices = self.mesh.faces[face as usize].map(|vertex| vertex as usize);
         let corners = vertices.map(|vertex| self.points[vertex]);
         let ray = self.projection.ray(pixel);
-        let shares = barycentric(corners, ray);
+        let barycentric = barycentric(corners, ray);
         let outward = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        let smooth: Vec3 = vertices.iter().zip(shares).map(|(&vertex, share)| self.normals[vertex] * share).sum();
+        let smooth: Vec3 = vertices.iter().zip(barycentric).map(|(&vertex, share)| self.normals[vertex] * share).sum();
         let normal = self.projection.direction_to_camera(smooth).try_normalize().unwrap_or(outward.normalize_or_zero());
         if self.view == View::Normals {
             return (Vec3::new(normal.x, -normal.y, -normal.z) * 0.5 + 0.5).map(decode_srgb);
         }
         // Open scans show their inner side too: light it as if it were an outer one.
         let lit = illumination(if outward.dot(corners[0]) > 0.0 { -normal } else { normal });
-        match (self.view, &self.mesh.colouring) {
-            (View::Colour, Colouring::Vertex(colours)) => {
-                let colour: Vec3 = vertices.iter().zip(shares).map(|(&vertex, s)| linear(colours[vertex]) * s).sum();
-                colour * (UNLIT_SHARE + (1.0 - UNLIT_SHARE) * lit)
-            }
-            (View::Colour, Colouring::Texture { uvs, image }) => {
-                let uv: Vec2 = vertices.iter().zip(shares).map(|(&vertex, share)| uvs[vertex] * share).sum();
-                texture(image, uv) * (UNLIT_SHARE + (1.0 - UNLIT_SHARE) * lit)
-            }
-            _ => PLASTER * lit,
+        let point = SurfacePoint { face, barycentric };
+        match self.mesh.colour_at(&point).filter(|_| self.view == View::Colour) {
+            Some(colour) => colour.map(decode_srgb) * (UNLIT_SHARE + (1.0 - UNLIT_SHARE) * lit),
+            None => PLASTER * lit,
         }
     }
 }
@@ -209,28 +203,12 @@ fn barycentric(corners: [Vec3; 3], ray: Vec3) -> [f32; 3] {
 fn illumination(normal: Vec3) -> f32 {
     let sky = 0.5 - 0.5 * normal.y;
     let ambient = AMBIENT[0] + sky * (AMBIENT[1] - AMBIENT[0]);
-    // Half-Lambert: light that wraps around the limbs, as of a large lamp.
-    let lamp = |(direction, strength): (Vec3, f32)| strength * (0.5 + 0.5 * normal.dot(direction)).max(0.0).powi(2);
+    // Lambert's law softened: a large lamp still lights what is turned away from its centre.
+    let lamp = |(direction, strength): (Vec3, f32)| {
+        let facing = (WRAP + (1.0 - WRAP) * normal.dot(direction)).max(0.0);
+        strength * facing * facing.sqrt()
+    };
     ambient + lamp(KEY) + lamp(FILL)
-}
-
-/// The linear colour of an image at (u, v), bilinear between the centres of its texels and constant beyond the outer ones.
-fn texture(image: &RgbImage, uv: Vec2) -> Vec3 {
-    let size = Vec2::new(image.width() as f32, image.height() as f32);
-    let place = (uv * size - 0.5).clamp(Vec2::ZERO, size - 1.0);
-    let (x, y) = (place.x as u32, place.y as u32);
-    let (right, below) = ((x + 1).min(image.width() - 1), (y + 1).min(image.height() - 1));
-    let share = place.fract();
-    let colour = |x, y| linear(image.get_pixel(x, y).0);
-    let upper = colour(x, y).lerp(colour(right, y), share.x);
-    let lower = colour(x, below).lerp(colour(right, below), share.x);
-    upper.lerp(lower, share.y)
-}
-
-fn linear(colour: [u8; 3]) -> Vec3 {
-    static TABLE: LazyLock<[f32; 256]> =
-        LazyLock::new(|| std::array::from_fn(|value| decode_srgb(value as f32 / 255.0)));
-    Vec3::from(colour.map(|value| TABLE[value as usize]))
 }
 
 /// The linear intensity of an sRGB value, both in [0, 1].

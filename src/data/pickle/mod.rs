@@ -1,0 +1,70 @@
+//! Python pickles, protocols 0 to 5, read by an allow-list interpreter that runs nothing.
+//!
+//! A pickle is a program for a stack machine that may call any Python function. [`machine`] executes only the
+//! opcodes that build plain data; the few callables that numpy, scipy and chumpy put into data files are known by name
+//! in [`callables`] and re-done in Rust; anything else that would be called is refused by its name. Memory is bounded
+//! by a budget proportional to the file, nesting by [`value::MAX_DEPTH`], so cycles and "billion laughs" are errors.
+//!
+//! Persistent ids (PyTorch's storages) and out-of-band buffers are refused; both arrive in one place in [`machine`].
+
+mod budget;
+mod callables;
+mod cursor;
+mod flatten;
+mod literals;
+mod machine;
+mod node;
+mod object;
+mod value;
+mod write;
+
+use std::path::Path;
+
+pub use value::Value;
+pub use write::write_pickle;
+
+pub(super) use flatten::flatten;
+
+use super::ArrayMap;
+use super::fault::Fault;
+use crate::{Error, Result};
+
+const FORMAT: &str = "pickle";
+
+/// Reads a pickle of plain data: numbers, text, arrays, and lists, tuples and dicts of these.
+///
+/// # Errors
+/// [`Error::Refused`] names the callable if the pickle asks for one that is not on the allow-list, such as
+/// `os.system`; [`Error::Malformed`] names the byte offset where a pickle breaks off or goes wrong.
+pub fn read_pickle(path: impl AsRef<Path>) -> Result<Value> {
+    let path = path.as_ref();
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    parse_pickle(&bytes).map_err(|fault| fault.in_file(path, FORMAT))
+}
+
+/// Reads a pickled dict of arrays, as body models and frames are stored.
+///
+/// Numbers become arrays without extents, nested lists of numbers arrays, strings text; the entries of a dict inside
+/// the dict are named `outer.inner`. What has no array form (`None`, lists of different lengths) is left out.
+///
+/// # Errors
+/// As [`read_pickle`]; [`Error::Malformed`] too if the pickle is not a dict.
+pub fn read_pickle_arrays(path: impl AsRef<Path>) -> Result<ArrayMap> {
+    let path = path.as_ref();
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let arrays = || {
+        let value = parse_pickle(&bytes)?;
+        if !matches!(value, Value::Dict(_)) {
+            return Err(Fault::malformed("top level", value.kind(), "a dict of arrays"));
+        }
+        let mut arrays = ArrayMap::new();
+        flatten("", value, bytes.len(), &mut arrays)?;
+        Ok(arrays)
+    };
+    arrays().map_err(|fault| fault.in_file(path, FORMAT))
+}
+
+/// Interprets the bytes of a pickle.
+pub(super) fn parse_pickle(bytes: &[u8]) -> std::result::Result<Value, Fault> {
+    machine::Machine::new(bytes).run()
+}

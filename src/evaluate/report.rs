@@ -1,0 +1,195 @@
+//! The metrics of a sequence: means, a table for people and JSON for scripts.
+//!
+//! A mean is over the frames in which the part could be measured; how many could not is counted and said.
+
+use std::fmt;
+
+use serde::ser::{Serialize, Serializer};
+
+use super::metrics::{FrameMetrics, PartMetrics, Parts};
+use super::smplx_d::SMPLX_D;
+
+/// The metrics of one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameReport {
+    /// The frame, as `split/sequence/number`.
+    pub frame: String,
+    /// Of the prediction.
+    pub metrics: FrameMetrics,
+    /// Of the baseline, if one was asked for.
+    pub baseline: Option<FrameMetrics>,
+}
+
+/// The metrics of all frames. `Display` prints the table; serde writes
+/// `{"frames", "mean": {"all", "hands", "face"}, "baseline": {…}, "per_frame": [{"frame", "all", "hands", "face"}]}`, where a part
+/// is `null` if no frame had it, `baseline` is absent if none was asked for, and `"missing": {"all", "hands", "face"}` counts the
+/// frames without a part if there are any.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Frame by frame, in the order of evaluation.
+    pub per_frame: Vec<FrameReport>,
+}
+
+impl Report {
+    /// The mean of each part over the frames that have it.
+    pub fn mean(&self) -> FrameMetrics {
+        mean(self.per_frame.iter().map(|frame| frame.metrics))
+    }
+
+    /// The baseline's mean; none if no frame has one.
+    pub fn baseline_mean(&self) -> Option<FrameMetrics> {
+        let measured: Vec<_> = self.per_frame.iter().filter_map(|frame| frame.baseline).collect();
+        (!measured.is_empty()).then(|| mean(measured.into_iter()))
+    }
+
+    /// In how many frames each part of the prediction could not be measured.
+    pub fn missing(&self) -> Parts<usize> {
+        let count = |part: fn(&FrameMetrics) -> Option<PartMetrics>| {
+            self.per_frame.iter().filter(|frame| part(&frame.metrics).is_none()).count()
+        };
+        Parts { all: count(|frame| frame.all), hands: count(|frame| frame.hands), face: count(|frame| frame.face) }
+    }
+}
+
+fn mean(frames: impl Iterator<Item = FrameMetrics> + Clone) -> FrameMetrics {
+    let part = |part: fn(FrameMetrics) -> Option<PartMetrics>| PartMetrics::mean(frames.clone().filter_map(part));
+    Parts { all: part(|frame| frame.all), hands: part(|frame| frame.hands), face: part(|frame| frame.face) }
+}
+
+impl PartMetrics {
+    /// The mean of each value; none of nothing.
+    fn mean(metrics: impl Iterator<Item = Self> + Clone) -> Option<Self> {
+        let count = metrics.clone().count() as f64;
+        let of = |value: fn(Self) -> f64| metrics.clone().map(value).sum::<f64>() / count;
+        (count > 0.0).then(|| Self {
+            cd_mm: of(|part| part.cd_mm),
+            cd_max_mm: of(|part| part.cd_max_mm),
+            nc: of(|part| part.nc),
+            iou: of(|part| part.iou),
+            iou_box: of(|part| part.iou_box),
+        })
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let frames = format!("{} frame{}", self.per_frame.len(), if self.per_frame.len() == 1 { "" } else { "s" });
+        writeln!(
+            formatter,
+            "{frames:<16} {:>8} {:>10} {:>6} {:>6} {:>8}",
+            "CD mm", "CD-MAX mm", "NC", "IoU", "IoU box"
+        )?;
+        let (mean, baseline, missing) = (self.mean(), self.baseline_mean(), self.missing());
+        let rows = [
+            ("All", mean.all, baseline.map(|parts| parts.all), missing.all),
+            ("Hands", mean.hands, baseline.map(|parts| parts.hands), missing.hands),
+            ("Face", mean.face, baseline.map(|parts| parts.face), missing.face),
+        ];
+        for (name, metrics, baseline, missing) in rows {
+            write_row(formatter, name, "avatar", metrics)?;
+            if let Some(baseline) = baseline {
+                write_row(formatter, "", SMPLX_D, baseline)?;
+            }
+            if missing > 0 {
+                writeln!(formatter, "       not measurable in {missing} of {frames}, left out of the mean")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn write_row(formatter: &mut fmt::Formatter<'_>, part: &str, of: &str, metrics: Option<PartMetrics>) -> fmt::Result {
+    write!(formatter, "{part:<6} {of:<9}")?;
+    match metrics {
+        Some(PartMetrics { cd_mm, cd_max_mm, nc, iou, iou_box }) => {
+            writeln!(formatter, " {cd_mm:>8.2} {cd_max_mm:>10.2} {nc:>6.3} {iou:>6.3} {iou_box:>8.3}")
+        }
+        None => writeln!(formatter, " {0:>8} {0:>10} {0:>6} {0:>6} {0:>8}", "-"),
+    }
+}
+
+impl Serialize for Report {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(serde::Serialize)]
+        struct Document<'a> {
+            frames: usize,
+            mean: FrameMetrics,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            baseline: Option<FrameMetrics>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            missing: Option<Parts<usize>>,
+            per_frame: Vec<Frame<'a>>,
+        }
+        #[derive(serde::Serialize)]
+        struct Frame<'a> {
+            frame: &'a str,
+            #[serde(flatten)]
+            metrics: FrameMetrics,
+        }
+        let missing = self.missing();
+        Document {
+            frames: self.per_frame.len(),
+            mean: self.mean(),
+            baseline: self.baseline_mean(),
+            missing: (missing != Parts::default()).then_some(missing),
+            per_frame: self.per_frame.iter().map(|row| Frame { frame: &row.frame, metrics: row.metrics }).collect(),
+        }
+        .serialize(serializer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn part(cd_mm: f64) -> Option<PartMetrics> {
+        Some(PartMetrics { cd_mm, cd_max_mm: 10.0 * cd_mm, nc: 0.5, iou: 0.25, iou_box: 0.75 })
+    }
+
+    fn report(baseline: bool) -> Report {
+        let baseline = baseline.then(|| Parts { all: part(9.0), hands: part(8.0), face: None });
+        let frame = |number: u32, hands| FrameReport {
+            frame: format!("test/Take1/f{number:05}"),
+            metrics: Parts { all: part(f64::from(number)), hands, face: None },
+            baseline,
+        };
+        Report { per_frame: vec![frame(1, part(4.0)), frame(2, None), frame(3, part(6.0))] }
+    }
+
+    #[test]
+    fn means_leave_out_what_could_not_be_measured_and_count_it() {
+        let report = report(false);
+        assert_eq!(report.mean(), Parts { all: part(2.0), hands: part(5.0), face: None });
+        assert_eq!(report.missing(), Parts { all: 0, hands: 1, face: 3 });
+    }
+
+    #[test]
+    fn json_keeps_its_contract() {
+        let json = serde_json::to_value(report(true)).unwrap();
+        assert_eq!(json["frames"], 3);
+        assert_eq!(json["mean"]["hands"]["cd_max_mm"], 50.0);
+        assert!(json["mean"]["face"].is_null(), "absent is null, not zero");
+        assert_eq!(json["baseline"]["all"]["cd_mm"], 9.0);
+        assert_eq!(json["missing"]["face"], 3);
+        assert_eq!(json["per_frame"][1]["frame"], "test/Take1/f00002");
+        assert_eq!(json["per_frame"][1]["all"]["iou_box"], 0.75);
+        assert!(json["per_frame"][1]["hands"].is_null());
+
+        let mut complete = report(false);
+        complete.per_frame.truncate(1);
+        complete.per_frame[0].metrics.face = part(1.0);
+        let keys = serde_json::to_value(&complete).unwrap();
+        let mut keys: Vec<_> = keys.as_object().unwrap().keys().cloned().collect();
+        keys.sort();
+        assert_eq!(keys, ["frames", "mean", "per_frame"], "nothing else unless asked for or missing");
+    }
+
+    #[test]
+    fn the_table_stands_in_columns() {
+        let table = report(true).to_string();
+        let rows: Vec<&str> = table.lines().filter(|line| !line.contains("left out")).collect();
+        assert_eq!(rows.len(), 7, "a head, and a row each for three parts of the avatar and the baseline\n{table}");
+        assert!(rows.iter().all(|row| row.chars().count() == rows[0].chars().count()), "{table}");
+        assert!(table.contains("not measurable in 1 of 3 frames"), "{table}");
+    }
+}

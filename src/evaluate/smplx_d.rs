@@ -1,0 +1,74 @@
+//! The baseline SMPLX+D (thesis 5.3.1): the registered body plus one mean offset a vertex, learned from the training scans.
+//!
+//! In each training frame, a vertex's offset is what leads from it to the scan, turned back by the vertex's blended bone
+//! transform; the means over the frames, turned again, are added to the body of any other frame. V vertices; metres.
+
+use glam::{Mat3A, Vec3};
+use rayon::prelude::*;
+
+use crate::body::{BodyModel, BodyParameters, JOINTS, PosedBody};
+use crate::data::ScanFrame;
+use crate::mesh::{SurfaceIndex, TriangleMesh};
+use crate::{Error, Result};
+
+/// The baseline's name in tables and on the command line's `--baseline`.
+pub const SMPLX_D: &str = "SMPLX+D";
+
+/// A body model with the mean offsets of one subject.
+pub struct SmplxD<'a> {
+    body: &'a BodyModel,
+    /// Mean offsets in the rest pose's frame (V), metres.
+    offsets: Vec<Vec3>,
+}
+
+impl<'a> SmplxD<'a> {
+    /// Learns the offsets from training frames, one at a time in memory.
+    ///
+    /// # Errors
+    /// The first error of `frames`; those of [`BodyModel::pose`] and [`SurfaceIndex::new`], with the frame named.
+    /// [`Error::Value`] if there is no frame.
+    pub fn fit(body: &'a BodyModel, frames: impl IntoIterator<Item = Result<ScanFrame>>) -> Result<Self> {
+        let mut offsets = vec![Vec3::ZERO; body.vertex_count()];
+        let mut count = 0_u32;
+        for frame in frames {
+            let frame = frame?;
+            let in_frame = |error: Error| error.in_frame(frame.id.to_string());
+            let posed = body.pose(&frame.parameters).map_err(in_frame)?;
+            let scan = SurfaceIndex::new(&frame.scan).map_err(in_frame)?;
+            let blends = blended_rotations(body, &posed);
+            offsets.par_iter_mut().zip(&posed.vertices).zip(&blends).for_each(|((offset, &vertex), blend)| {
+                *offset += blend.transpose() * (scan.closest(vertex).position - vertex);
+            });
+            count += 1;
+        }
+        if count == 0 {
+            return Err(Error::Value {
+                name: format!("training frames of {SMPLX_D}"),
+                found: "none".into(),
+                expected: "at least one".into(),
+            });
+        }
+        offsets.iter_mut().for_each(|offset| *offset /= count as f32);
+        Ok(Self { body, offsets })
+    }
+
+    /// The clothed body of these parameters, in the world.
+    ///
+    /// # Errors
+    /// Those of [`BodyModel::pose`].
+    pub fn pose(&self, parameters: &BodyParameters) -> Result<TriangleMesh> {
+        let posed = self.body.pose(parameters)?;
+        let blends = blended_rotations(self.body, &posed);
+        let vertices = posed.vertices.iter().zip(&blends).zip(&self.offsets);
+        Ok(self.body.mesh(vertices.map(|((&vertex, &blend), &offset)| vertex + blend * offset).collect()))
+    }
+}
+
+/// The linear part of the blended transform of each vertex (V): a rotation but for shrinkage at strongly bent joints.
+fn blended_rotations(body: &BodyModel, posed: &PosedBody) -> Vec<Mat3A> {
+    let blend = |weights: &[f32]| {
+        let bones = posed.bone_transforms.iter().zip(weights);
+        bones.fold(Mat3A::ZERO, |sum, (bone, &weight)| sum + bone.matrix3 * weight)
+    };
+    body.skinning_weights().par_chunks_exact(JOINTS).map(blend).collect()
+}
