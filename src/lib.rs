@@ -9,6 +9,7 @@ pub mod config;
 pub mod data;
 mod error;
 pub mod evaluate;
+pub mod fields;
 pub mod mannequin;
 pub mod mesh;
 pub mod render;

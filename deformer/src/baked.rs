@@ -5,13 +5,12 @@
 //! then interpolating equals interpolating then blending. Outside the box the nearest point of its surface counts.
 //! R = X * Y * Z nodes, x fastest; J bones; metres. The error is that of linear interpolation of the weights.
 
-use pulp::Arch;
 use rayon::prelude::*;
 use xavatar_network::{Real, SkinningWeights};
 
 use crate::affine::expect_finite_bones;
 use crate::error::expect_length;
-use crate::skinning::{blend, jacobian_from_slopes};
+use crate::skinning::{blend, jacobian_from_slopes, vectorised};
 use crate::{BoneTransform, Error, Jacobian, Result, Warp};
 
 /// Nodes that one task samples or blends.
@@ -25,6 +24,8 @@ const MOST_NODES: usize = 1 << 24;
 struct Grid<T> {
     lowest: [T; 3],
     spacing: [T; 3],
+    /// 1 / spacing.
+    density: [T; 3],
     nodes: [usize; 3],
 }
 
@@ -111,21 +112,17 @@ impl<T: Real> Warp<T> for BakedWarp<'_, T> {
     }
 
     fn transforms(&self, _: &mut (), points: &[[T; 3]], transforms: &mut [BoneTransform<T>]) {
-        Arch::new().dispatch(
+        vectorised(
             #[inline(always)]
             || {
                 for (&point, transform) in points.iter().zip(transforms) {
                     let cell = self.grid.cell(point);
-                    let corners = cell.corners(&self.transforms);
-                    let [x, y, z] = cell.fractions;
                     let mut sum = [T::zero(); 16];
-                    for (corner, node) in corners.iter().enumerate() {
-                        let along = |bit: usize, fraction: T| {
-                            if corner >> bit & 1 == 1 { fraction } else { T::one() - fraction }
-                        };
-                        let weight = along(2, z) * along(1, y) * along(0, x);
-                        for (sum, &value) in sum.iter_mut().zip(&node.0) {
-                            *sum += weight * value;
+                    for corner in 0..8 {
+                        let [x, y, z] = cell.shares(corner);
+                        let share = x * y * z;
+                        for (sum, &value) in sum.iter_mut().zip(&self.transforms[cell.corner(corner)].0) {
+                            *sum += share * value;
                         }
                     }
                     transform.copy_from_slice(&sum[..12]);
@@ -143,26 +140,16 @@ impl<T: Real> Warp<T> for BakedWarp<'_, T> {
     ) {
         for ((&point, transform), jacobian) in points.iter().zip(transforms).zip(jacobians) {
             let cell = self.grid.cell(point);
-            let corners = cell.corners(&self.transforms);
             *transform = [T::zero(); 12];
             let mut slopes = [[T::zero(); 12]; 3];
-            for (corner, node) in corners.iter().enumerate() {
-                // Per axis: the corner's share of the value, and of the derivative along that axis.
-                let (share, slope): ([T; 3], [T; 3]) = {
-                    let upper = [corner & 1 == 1, corner & 2 == 2, corner & 4 == 4];
-                    let f = cell.fractions;
-                    (
-                        std::array::from_fn(|a| if upper[a] { f[a] } else { T::one() - f[a] }),
-                        std::array::from_fn(|a| if upper[a] { cell.slopes[a] } else { -cell.slopes[a] }),
-                    )
-                };
-                let weight = share[0] * share[1] * share[2];
-                let weights =
-                    [slope[0] * share[1] * share[2], share[0] * slope[1] * share[2], share[0] * share[1] * slope[2]];
-                for (index, &value) in node.0[..12].iter().enumerate() {
-                    transform[index] += weight * value;
-                    for (slope, weight) in slopes.iter_mut().zip(weights) {
-                        slope[index] += weight * value;
+            for corner in 0..8 {
+                let [x, y, z] = cell.shares(corner);
+                let [dx, dy, dz] = cell.share_slopes(corner);
+                let shares = [dx * y * z, x * dy * z, x * y * dz];
+                for (index, &value) in self.transforms[cell.corner(corner)].0[..12].iter().enumerate() {
+                    transform[index] += x * y * z * value;
+                    for (slope, share) in slopes.iter_mut().zip(shares) {
+                        slope[index] += share * value;
                     }
                 }
             }
@@ -183,12 +170,25 @@ struct Cell<T> {
 }
 
 impl<T: Real> Cell<T> {
-    /// The eight nodes; bit 0 of the place is x, bit 1 y, bit 2 z.
+    /// The node at one of the eight corners; bit 0 of the number is x, bit 1 y, bit 2 z.
     #[inline(always)]
-    fn corners<'n>(&self, nodes: &'n [Node<T>]) -> [&'n Node<T>; 8] {
-        let [x, y, z] = self.strides;
-        let n = self.node;
-        [n, n + x, n + y, n + x + y, n + z, n + x + z, n + y + z, n + x + y + z].map(|index| &nodes[index])
+    fn corner(&self, corner: usize) -> usize {
+        let along = |axis: usize| (corner >> axis & 1) * self.strides[axis];
+        self.node + along(0) + along(1) + along(2)
+    }
+
+    /// The corner's share along each axis.
+    #[inline(always)]
+    fn shares(&self, corner: usize) -> [T; 3] {
+        let along =
+            |axis: usize| if corner >> axis & 1 == 1 { self.fractions[axis] } else { T::one() - self.fractions[axis] };
+        [along(0), along(1), along(2)]
+    }
+
+    /// The derivatives of `shares`, each along its own axis.
+    fn share_slopes(&self, corner: usize) -> [T; 3] {
+        let along = |axis: usize| if corner >> axis & 1 == 1 { self.slopes[axis] } else { -self.slopes[axis] };
+        [along(0), along(1), along(2)]
     }
 }
 
@@ -210,8 +210,9 @@ impl<T: Real> Grid<T> {
                 expected: "finite corners, the lowest below the highest".to_owned(),
             });
         }
-        let spacing = std::array::from_fn(|axis| (highest[axis] - lowest[axis]) / T::of((nodes[axis] - 1) as f64));
-        Ok(Self { lowest, spacing, nodes })
+        let spacing: [T; 3] =
+            std::array::from_fn(|axis| (highest[axis] - lowest[axis]) / T::of((nodes[axis] - 1) as f64));
+        Ok(Self { lowest, spacing, density: spacing.map(|spacing| T::one() / spacing), nodes })
     }
 
     fn len(&self) -> usize {
@@ -230,14 +231,116 @@ impl<T: Real> Grid<T> {
         let mut cell = Cell { node: 0, strides, fractions: [T::zero(); 3], slopes: [T::zero(); 3] };
         for axis in 0..3 {
             let last = T::of((self.nodes[axis] - 1) as f64);
-            let place = (point[axis] - self.lowest[axis]) / self.spacing[axis];
+            let place = (point[axis] - self.lowest[axis]) * self.density[axis];
             // `max` turns a NaN into the lowest node; the point's residual stays NaN and ends its search.
             let inside = place.max(T::zero()).min(last);
             let lower = inside.to_usize().unwrap_or(0).min(self.nodes[axis] - 2);
             cell.node += lower * strides[axis];
             cell.fractions[axis] = inside - T::of(lower as f64);
-            cell.slopes[axis] = if inside == place { T::one() / self.spacing[axis] } else { T::zero() };
+            cell.slopes[axis] = if inside == place { self.density[axis] } else { T::zero() };
         }
         cell
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ExactWarp;
+    use crate::affine::apply;
+    use crate::softmax_field::{SoftmaxField, generator, posed, vectors};
+
+    const JOINTS: usize = 5;
+    const LOWEST: [f64; 3] = [-0.9, -1.0, -0.8];
+    const HIGHEST: [f64; 3] = [1.0, 0.9, 0.7];
+
+    fn transforms(warp: &impl Warp<f64>, points: &[[f64; 3]]) -> Vec<[f64; 12]> {
+        let mut transforms = vec![[0.0; 12]; points.len()];
+        warp.transforms(&mut Default::default(), points, &mut transforms);
+        transforms
+    }
+
+    fn greatest_difference(a: &[[f64; 12]], b: &[[f64; 12]]) -> f64 {
+        a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
+    fn bake(field: &SoftmaxField<f64>, nodes: [usize; 3]) -> BakedWeights<f64> {
+        BakedWeights::sample(field, LOWEST, HIGHEST, nodes).unwrap()
+    }
+
+    #[test]
+    fn nodes_hold_the_exact_transforms_also_on_the_upper_faces() {
+        let (field, bones) = posed::<f64>(51, JOINTS, 0.8);
+        let baked = bake(&field, [5, 4, 3]);
+        let points: Vec<_> = (0..60).map(|node| baked.grid.position(node)).collect();
+        assert!(points[59].iter().zip(HIGHEST).all(|(found, expected)| (found - expected).abs() < 1e-12));
+        let exact = transforms(&ExactWarp::new(&field, &bones).unwrap(), &points);
+        assert!(greatest_difference(&transforms(&baked.warp(&bones).unwrap(), &points), &exact) < 1e-12);
+    }
+
+    // Linear interpolation: halving the cells quarters the error
+    #[test]
+    fn the_error_falls_with_the_square_of_the_spacing() {
+        let (field, bones) = posed::<f64>(52, JOINTS, 0.8);
+        let points: Vec<[f64; 3]> = vectors(&mut generator(53), 300, 0.7);
+        let exact = transforms(&ExactWarp::new(&field, &bones).unwrap(), &points);
+        let error =
+            |nodes| greatest_difference(&transforms(&bake(&field, nodes).warp(&bones).unwrap(), &points), &exact);
+        let (coarse, fine) = (error([33, 33, 17]), error([65, 65, 33]));
+        assert!(coarse > 3.0 * fine && fine < 3e-3, "{coarse} -> {fine}");
+    }
+
+    #[test]
+    fn jacobians_match_finite_differences_and_are_the_blend_where_clamped() {
+        let (field, bones) = posed::<f64>(54, JOINTS, 0.8);
+        let weights = bake(&field, [9, 10, 11]);
+        let warp = weights.warp(&bones).unwrap();
+        let mut points: Vec<[f64; 3]> = vectors(&mut generator(55), 50, 0.65);
+        points.extend([[1.7, 0.123, 0.2], [0.1, -3.0, 5.0], [-9.0, 9.0, -9.0]]);
+        let (mut blended, mut jacobians) = (vec![[0.0; 12]; 53], vec![[[0.0; 3]; 3]; 53]);
+        warp.transforms_and_jacobians(&mut (), &points, &mut blended, &mut jacobians);
+        assert!(greatest_difference(&blended, &transforms(&warp, &points)) < 1e-14);
+        let step = 1e-6;
+        for (point, jacobian) in points.iter().zip(&jacobians) {
+            for axis in 0..3 {
+                let at = |offset: f64| {
+                    let mut moved = *point;
+                    moved[axis] += offset;
+                    apply(&transforms(&warp, &[moved])[0], moved)
+                };
+                let (above, below) = (at(step), at(-step));
+                for (r, row) in jacobian.iter().enumerate() {
+                    let expected = (above[r] - below[r]) / (2.0 * step);
+                    assert!((row[axis] - expected).abs() < 1e-7, "{point:?}: {} != {expected}", row[axis]);
+                }
+            }
+        }
+        assert_eq!(jacobians[52], crate::affine::rotation(&blended[52]));
+    }
+
+    #[test]
+    fn interpolated_weights_still_sum_to_one() {
+        let (field, _) = posed::<f64>(56, JOINTS, 0.8);
+        let weights = bake(&field, [7, 6, 5]);
+        let ones = vec![[1.0; 12]; JOINTS];
+        let warp = weights.warp(&ones).unwrap();
+        let points: Vec<[f64; 3]> = vectors(&mut generator(57), 100, 2.0);
+        let found = transforms(&warp, &points);
+        assert!(found.as_flattened().iter().all(|value| (value - 1.0).abs() < 1e-12));
+    }
+
+    #[test]
+    fn impossible_grids_and_other_skeletons_are_refused() {
+        let (field, bones) = posed::<f64>(58, JOINTS, 0.8);
+        let sample = |lowest, highest, nodes| BakedWeights::sample(&field, lowest, highest, nodes);
+        for nodes in [[1, 8, 8], [8, 0, 8], [usize::MAX, 2, 2], [1 << 10, 1 << 10, 1 << 10]] {
+            assert!(sample(LOWEST, HIGHEST, nodes).unwrap_err().to_string().contains("resolution"));
+        }
+        for highest in [LOWEST, [f64::NAN; 3], [f64::INFINITY; 3], [1.0, -2.0, 1.0]] {
+            assert!(sample(LOWEST, highest, [4; 3]).unwrap_err().to_string().contains("box"));
+        }
+        let baked = bake(&field, [2, 2, 2]);
+        assert!(baked.warp(&bones[1..]).is_err());
+        assert!(baked.warp(&[[f64::NAN; 12]; JOINTS]).is_err());
     }
 }

@@ -7,7 +7,6 @@
 //! Only unfinished starts are evaluated: a finished one leaves the active set at once and the next waiting one takes
 //! its place, so the field always sees full batches. A start's result does not depend on its companions.
 
-use pulp::Arch;
 use xavatar_network::Real;
 
 use crate::affine::{apply, dot, inverse, multiply, multiply_transposed, rotation, subtract};
@@ -114,24 +113,18 @@ pub(crate) fn solve<T: Real, W: Warp<T>>(
         let transforms = &mut transforms[..points.len()];
         warp.transforms(workspace, points, transforms);
         evaluations += points.len();
-        let kept = Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                let mut kept = 0;
-                for (slot, transform) in transforms.iter().enumerate() {
-                    let (mut point, mut state) = (points[slot], states[slot]);
-                    match state.advance(&mut point, transform, limits) {
-                        Some(outcome) => finish(state.index, state.solution(outcome)),
-                        None => {
-                            points[kept] = point;
-                            states[kept] = state;
-                            kept += 1;
-                        }
-                    }
+        let mut kept = 0;
+        for (slot, transform) in transforms.iter().enumerate() {
+            let (mut point, mut state) = (points[slot], states[slot]);
+            match state.advance(&mut point, transform, limits) {
+                Some(outcome) => finish(state.index, state.solution(outcome)),
+                None => {
+                    points[kept] = point;
+                    states[kept] = state;
+                    kept += 1;
                 }
-                kept
-            },
-        );
+            }
+        }
         points.truncate(kept);
         states.truncate(kept);
     }
@@ -164,20 +157,18 @@ impl<T: Real> State<T> {
         if squared < limits.tolerance * limits.tolerance {
             return Some(Outcome::Converged);
         }
-        let inverse = if self.updates == 0 {
-            match self.inverse.or_else(|| inverse(&rotation(transform))) {
-                Some(inverse) if squared.is_finite() => inverse,
-                _ => return Some(Outcome::Diverged),
+        let left = self.updates > 0 && squared > limits.divergence * limits.divergence;
+        if left || !squared.is_finite() {
+            return Some(Outcome::Diverged);
+        }
+        let inverse = match self.inverse {
+            Some(inverse) if self.updates > 0 => {
+                updated_inverse(&inverse, self.step, subtract(residual, self.residual))
             }
-        } else {
-            // Negated so that a NaN ends the search too.
-            if squared.is_nan() || squared > limits.divergence * limits.divergence {
-                return Some(Outcome::Diverged);
-            }
-            match self.inverse {
-                Some(inverse) => updated_inverse(&inverse, self.step, subtract(residual, self.residual)),
+            given => match given.or_else(|| inverse(&rotation(transform))) {
+                Some(inverse) => inverse,
                 None => return Some(Outcome::Diverged),
-            }
+            },
         };
         if self.updates == limits.updates {
             return Some(Outcome::Exhausted);
@@ -219,4 +210,127 @@ fn updated_inverse<T: Real>(inverse: &Jacobian<T>, step: [T; 3], change: [T; 3])
         let share = (step[r] - predicted[r]) * scale;
         std::array::from_fn(|c| inverse[r][c] + share * row[c])
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+
+    const LIMITS: Limits<f64> = Limits { tolerance: 1e-5, divergence: 1.0, updates: 50 };
+
+    /// Remembers where it was evaluated.
+    struct Recorded<F> {
+        transform: F,
+        visited: Mutex<Vec<[f64; 3]>>,
+    }
+
+    impl<F: Fn([f64; 3]) -> BoneTransform<f64> + Sync> Warp<f64> for Recorded<F> {
+        type Workspace = ();
+
+        fn bones(&self) -> &[BoneTransform<f64>] {
+            &[]
+        }
+
+        fn transforms(&self, _: &mut (), points: &[[f64; 3]], transforms: &mut [BoneTransform<f64>]) {
+            self.visited.lock().unwrap().extend(points);
+            points.iter().zip(transforms).for_each(|(&point, transform)| *transform = (self.transform)(point));
+        }
+
+        fn transforms_and_jacobians(
+            &self,
+            _: &mut (),
+            _: &[[f64; 3]],
+            _: &mut [BoneTransform<f64>],
+            _: &mut [Jacobian<f64>],
+        ) {
+            unreachable!("Broyden's method needs no Jacobian")
+        }
+    }
+
+    /// A rigid translation by t(x): d(x) = x + t(x).
+    fn shift(t: [f64; 3]) -> BoneTransform<f64> {
+        [1.0, 0.0, 0.0, t[0], 0.0, 1.0, 0.0, t[1], 0.0, 0.0, 1.0, t[2]]
+    }
+
+    fn solve_all(
+        transform: impl Fn([f64; 3]) -> BoneTransform<f64> + Sync,
+        limits: &Limits<f64>,
+        starts: Vec<Start<f64>>,
+    ) -> (Vec<Solution<f64>>, Vec<[f64; 3]>, usize) {
+        let warp = Recorded { transform, visited: Mutex::default() };
+        let mut solutions = vec![None; starts.len()];
+        let evaluations =
+            solve(&warp, &mut (), &mut ActiveSet::default(), limits, starts.into_iter(), |index, solution| {
+                assert!(solutions[index].replace(solution).is_none(), "start {index} finished twice");
+            });
+        (
+            solutions.into_iter().map(|s| s.expect("every start ends")).collect(),
+            warp.visited.into_inner().unwrap(),
+            evaluations,
+        )
+    }
+
+    fn start(point: [f64; 3]) -> Start<f64> {
+        Start { target: [0.0; 3], point, inverse: None }
+    }
+
+    #[test]
+    fn an_affine_warp_takes_one_update_and_more_starts_than_slots_all_finish() {
+        let starts: Vec<_> = (0..1000).map(|index| start([f64::from(index) * 1e-4 + 0.1, 0.0, 0.0])).collect();
+        let (solutions, _, evaluations) = solve_all(|_| shift([0.1, 0.2, -0.3]), &LIMITS, starts);
+        assert_eq!(evaluations, 2000);
+        for solution in solutions {
+            assert_eq!(solution.outcome, Outcome::Converged);
+            assert!(solution.residual < 1e-12);
+            assert!(solution.point.iter().zip([-0.1, -0.2, 0.3]).all(|(a, b)| (a - b).abs() < 1e-12));
+        }
+    }
+
+    // g = (x^2 + 0.1, y, z) has no root, so the iterates wander; the best of them is reported, not the last
+    #[test]
+    fn the_best_iterate_is_kept() {
+        let rootless = |x: [f64; 3]| shift([x[0] * x[0] + 0.1 - x[0], 0.0, 0.0]);
+        let residual = |x: [f64; 3]| ((x[0] * x[0] + 0.1).powi(2) + x[1] * x[1] + x[2] * x[2]).sqrt();
+        let mut worse_at_last = 0;
+        for updates in 1..50 {
+            let limits = Limits { divergence: 1e9, updates, ..LIMITS };
+            let (solutions, visited, evaluations) = solve_all(rootless, &limits, vec![start([0.7, 0.2, 0.1])]);
+            assert_eq!((solutions[0].outcome, evaluations), (Outcome::Exhausted, updates as usize + 1));
+            let best = visited.iter().map(|&point| residual(point)).fold(f64::INFINITY, f64::min);
+            assert!(
+                (solutions[0].residual - best).abs() < 1e-15 && (residual(solutions[0].point) - best).abs() < 1e-15
+            );
+            worse_at_last += usize::from(residual(visited[visited.len() - 1]) > best + 1e-3);
+        }
+        assert!(worse_at_last > 5, "the test needs iterates that get worse, {worse_at_last} did");
+    }
+
+    #[test]
+    fn hopeless_starts_end_without_harm_to_their_neighbours() {
+        let warp = |x: [f64; 3]| match x[1] {
+            1.0 => [f64::NAN; 12],
+            2.0 => [0.0; 12],
+            3.0 => shift([f64::INFINITY; 3]),
+            _ => shift([0.0; 3]),
+        };
+        let at = |y| Start { target: [0.3, y, 0.0], point: [0.0, y, 0.0], inverse: None };
+        let (solutions, _, _) = solve_all(warp, &LIMITS, vec![at(1.0), at(0.0), at(2.0), at(3.0), at(-0.5)]);
+        let outcomes: Vec<_> = solutions.iter().map(|solution| solution.outcome).collect();
+        let (bad, good) = (Outcome::Diverged, Outcome::Converged);
+        assert_eq!(outcomes, [bad, good, bad, bad, good]);
+    }
+
+    #[test]
+    fn a_start_beyond_the_bound_may_come_back_but_an_update_may_not_leave() {
+        let far = Start { target: [0.0; 3], point: [5.0, 0.0, 0.0], inverse: None };
+        let (solutions, _, _) = solve_all(|_| shift([0.0; 3]), &LIMITS, vec![far]);
+        assert_eq!(solutions[0].outcome, Outcome::Converged);
+        let wrong = [[-40.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let misled = Start { target: [0.0; 3], point: [0.5, 0.0, 0.0], inverse: Some(wrong) };
+        let (solutions, visited, _) = solve_all(|_| shift([0.0; 3]), &LIMITS, vec![misled]);
+        assert_eq!((solutions[0].outcome, visited.len()), (Outcome::Diverged, 2));
+        assert_eq!(solutions[0].point, [0.5, 0.0, 0.0]);
+    }
 }

@@ -35,3 +35,76 @@ pub fn root_cotangents<T: Real>(
     }
     Ok(singular)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::softmax_field::{SoftmaxField, generator, posed, vectors};
+    use crate::{BoneTransform, ExactWarp, SearchSettings, StartGroups, Warp, deform, deform_backward, search};
+    use xavatar_network::SkinningWeights;
+
+    const JOINTS: usize = 4;
+
+    fn roots(field: &SoftmaxField<f64>, bones: &[BoneTransform<f64>], points: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let settings = SearchSettings { tolerance: 1e-14, ..SearchSettings::default() };
+        let warp = ExactWarp::new(field, bones).unwrap();
+        let found = search(&warp, &StartGroups::all(JOINTS).unwrap(), points, None, &settings).unwrap();
+        assert_eq!(found.points.len(), points.len(), "a gentle pose has one root a point");
+        found.points
+    }
+
+    // d/dsigma of d_w(x_c(sigma), B) = x_d at fixed x_d:  dx_c/dsigma = -J^-1 d d_w/dsigma
+    #[test]
+    fn implicit_gradient_matches_finite_differences_of_the_search() {
+        let (mut field, bones) = posed::<f64>(11, JOINTS, 0.4);
+        let mut generator = generator(12);
+        let canonical: Vec<[f64; 3]> = vectors(&mut generator, 8, 0.5);
+        let cotangents: Vec<[f64; 3]> = vectors(&mut generator, 8, 1.0);
+        let mut transforms = vec![[0.0; 12]; 8];
+        let mut jacobians = vec![[[0.0; 3]; 3]; 8];
+        let mut deformed = vec![[0.0; 3]; 8];
+        ExactWarp::new(&field, &bones).unwrap().transforms_and_jacobians(
+            &mut Default::default(),
+            &canonical,
+            &mut transforms,
+            &mut jacobians,
+        );
+        deform(&transforms, &canonical, &mut deformed).unwrap();
+
+        let mut lambda = vec![[0.0; 3]; 8];
+        assert_eq!(root_cotangents(&jacobians, &cotangents, &mut lambda).unwrap(), 0);
+        let (mut to_weights, mut to_points) = (vec![0.0; 8 * JOINTS], vec![[0.0; 3]; 8]);
+        deform_backward(&transforms, &bones, &canonical, &lambda, &mut to_weights, &mut to_points).unwrap();
+        let objective = |roots: &[[f64; 3]]| -> f64 {
+            roots.as_flattened().iter().zip(cotangents.as_flattened()).map(|(a, b)| a * b).sum()
+        };
+        let weights = |field: &SoftmaxField<f64>| {
+            let mut weights = vec![0.0; 8 * JOINTS];
+            field.weights(&mut (), &canonical, &mut weights);
+            weights
+        };
+        let step = 1e-5;
+        for (joint, axis) in (0..JOINTS).flat_map(|joint| (0..3).map(move |axis| (joint, axis))) {
+            let centre = field.centres[joint][axis];
+            let mut at = |moved: f64| {
+                field.centres[joint][axis] = moved;
+                (objective(&roots(&field, &bones, &deformed)), weights(&field))
+            };
+            let (above, below) = (at(centre + step), at(centre - step));
+            field.centres[joint][axis] = centre;
+            let expected = (above.0 - below.0) / (2.0 * step);
+            let slopes = above.1.iter().zip(&below.1).map(|(a, b)| (a - b) / (2.0 * step));
+            let found: f64 = slopes.zip(&to_weights).map(|(slope, cotangent)| slope * cotangent).sum();
+            assert!((found - expected).abs() < 1e-7 * (1.0 + expected.abs()), "{joint} {axis}: {found} != {expected}");
+        }
+    }
+
+    #[test]
+    fn singular_roots_are_counted_and_pull_nothing() {
+        let jacobians = [[[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 4.0]], [[1.0; 3]; 3], [[f64::NAN; 3]; 3]];
+        let mut lambda = [[9.0; 3]; 3];
+        assert_eq!(root_cotangents(&jacobians, &[[1.0; 3]; 3], &mut lambda).unwrap(), 2);
+        assert_eq!(lambda, [[-1.0, -0.5, -0.25], [0.0; 3], [0.0; 3]]);
+        assert!(root_cotangents(&jacobians, &[[1.0; 3]; 2], &mut lambda).is_err());
+    }
+}

@@ -12,6 +12,8 @@ mod implicit;
 mod normals;
 mod search;
 mod skinning;
+#[cfg(test)]
+mod softmax_field;
 mod warp;
 
 pub use affine::{BoneTransform, Jacobian, bone_transform};

@@ -5,7 +5,7 @@
 use xavatar_network::{Real, SkinningWeights};
 
 use crate::affine::expect_finite_bones;
-use crate::skinning::{blend, jacobian_from_slopes};
+use crate::skinning::{blend, blend_jacobians};
 use crate::{BoneTransform, Error, Jacobian, Result};
 
 /// A posed frame as a map of canonical points. N points.
@@ -89,12 +89,7 @@ impl<T: Real, S: SkinningWeights<T>> Warp<T> for ExactWarp<'_, T, S> {
         let gradients = first(&mut workspace.gradients, 3 * points.len() * joints);
         self.field.weights_and_gradients(&mut workspace.field, points, weights, gradients);
         blend(weights, self.bones, transforms);
-        let rows = gradients.chunks_exact(3 * joints);
-        for (((jacobian, transform), &point), rows) in jacobians.iter_mut().zip(transforms).zip(points).zip(rows) {
-            let mut slopes = [[T::zero(); 12]; 3];
-            blend(rows, self.bones, &mut slopes);
-            *jacobian = jacobian_from_slopes(transform, &slopes, point);
-        }
+        blend_jacobians(transforms, gradients, self.bones, points, jacobians);
     }
 }
 

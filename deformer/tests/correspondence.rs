@@ -89,9 +89,80 @@ fn broyden_converges_as_often_as_newton_and_finds_its_roots() {
         converged += found.statistics.converged;
         evaluations += found.statistics.evaluations;
         newton += residuals.iter().filter(|residual| **residual < 1e-5).count();
-        println!("{pose} {part} {share:.3} newton {of_newton:.3} {:?}", found.statistics);
     }
     println!("{converged} of {starts} starts converge (Newton: {newton}) in {evaluations} evaluations");
     assert!(converged >= newton);
     assert!(evaluations < 6 * starts, "{evaluations} evaluations for {starts} starts");
+}
+
+// d sum(c . x_c) / d parameters = backward of w with wbar_j = lambda . (B_j x_c), lambda = -J^-T c
+#[test]
+fn implicit_parameter_gradients_match() {
+    let golden = Golden::read();
+    let field = NaiveSkinning::golden(&golden);
+    for (pose, part) in (0..POSES).flat_map(|pose| PARTS.map(|part| (pose, part))) {
+        let bones = golden.bones(pose);
+        let tensor = |name: &str| format!("pose{pose}.{part}.{name}");
+        let roots = golden.points(&tensor("x_canonical"));
+        let cotangents = golden.points(&tensor("c"));
+        let (mut transforms, mut jacobians) = (vec![[0.0; 12]; roots.len()], vec![[[0.0; 3]; 3]; roots.len()]);
+        let warp = ExactWarp::new(&field, &bones).unwrap();
+        warp.transforms_and_jacobians(&mut Default::default(), &roots, &mut transforms, &mut jacobians);
+        let mut lambda = vec![[0.0; 3]; roots.len()];
+        assert_eq!(root_cotangents(&jacobians, &cotangents, &mut lambda).unwrap(), 0);
+        let (mut to_weights, mut to_points) = (vec![0.0; roots.len() * bones.len()], vec![[0.0; 3]; roots.len()]);
+        deform_backward(&transforms, &bones, &roots, &lambda, &mut to_weights, &mut to_points).unwrap();
+        let mut gradient = field.zeros();
+        for (&root, cotangent) in roots.iter().zip(to_weights.chunks_exact(bones.len())) {
+            field.backward(root, cotangent, &mut gradient);
+        }
+        for (l, layer) in gradient.layers.iter().enumerate() {
+            for (name, found) in [("v", &layer.v), ("g", &layer.g), ("b", &layer.b)] {
+                let expected = golden.values(&tensor(&format!("d.skin.{l}.{name}")));
+                let size = expected.iter().map(|value| value.abs()).fold(0.0, f64::max);
+                for (found, expected) in found.iter().zip(&expected) {
+                    let error = (found - expected).abs();
+                    // The golden softplus is linear beyond beta y = 20, which is worth 2e-9.
+                    assert!(error < 1e-8 * size, "{part} of pose {pose}, {name} of layer {l}: {found} != {expected}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn single_precision_and_polished_baked_searches_find_the_double_precision_roots() {
+    let golden = Golden::read();
+    let field = NaiveSkinning::golden(&golden);
+    let (groups, settings) = (groups(), SearchSettings::default());
+    let baked = BakedWeights::<f32>::sample(&field, [-1.0, -1.2, -0.3], [1.0, 0.7, 0.3], [41, 39, 13]).unwrap();
+    let (mut known, mut single_found, mut polished_found) = (0.0, 0.0, 0.0);
+    for (pose, (label, part)) in (0..POSES).flat_map(|pose| PARTS.into_iter().enumerate().map(move |p| (pose, p))) {
+        let wide = golden.points(&format!("pose{pose}.{part}.x_deformed"));
+        let labels = vec![label as u8; wide.len()];
+        let wide_bones = golden.bones(pose);
+        let warp = ExactWarp::new(&field, &wide_bones).unwrap();
+        let expected = search(&warp, &groups, &wide, Some(&labels), &settings).unwrap();
+
+        let (points, bones) = (narrow(&wide), narrow_bones(&wide_bones));
+        let exact = ExactWarp::new(&field, &bones).unwrap();
+        let single = search(&exact, &groups, &points, Some(&labels), &settings).unwrap();
+        let fast = baked.warp(&bones).unwrap();
+        let polished = search_and_polish(&fast, &exact, &groups, &points, Some(&labels), &settings).unwrap();
+        assert!(single.residuals.iter().chain(&polished.residuals).all(|&residual| residual < 1e-5));
+        let found = |found: &Candidates<f32>| {
+            let roots = (0..wide.len()).flat_map(|point| expected.range(point).map(move |root| (point, root)));
+            let held = roots.filter(|&(point, root)| {
+                found.range(point).any(|candidate| distance(found.points[candidate], expected.points[root]) < 1e-3)
+            });
+            held.count() as f64
+        };
+        known += expected.points.len() as f64;
+        single_found += found(&single);
+        polished_found += found(&polished);
+    }
+    assert!(single_found > 0.99 * known, "{single_found} of {known} roots in single precision");
+    // A random network's weights vary faster than a body's; on a coarse grid some of its roots do not exist.
+    assert!(polished_found > 0.95 * known, "{polished_found} of {known} roots baked and polished");
+    println!("{known} roots: {single_found} in single precision, {polished_found} baked and polished");
 }

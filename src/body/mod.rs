@@ -17,4 +17,5 @@ pub use model::BodyModel;
 pub use parameters::{BodyParameters, HandPose, PoseAxisAngle};
 pub use parts::{FULL_GROUP, Part, PartLabelSource, PartLabels};
 pub use posing::PosedBody;
+pub(crate) use posing::skin;
 pub use skeleton::{JOINT_NAMES, JOINTS, PARENTS};

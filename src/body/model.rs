@@ -138,6 +138,11 @@ impl BodyModel {
         self.template.len()
     }
 
+    /// The vertices (V) of the mean shape in the rest pose.
+    pub fn template(&self) -> &[Vec3] {
+        &self.template
+    }
+
     /// Vertex indices of each face (F).
     pub fn faces(&self) -> &[[u32; 3]] {
         &self.faces

@@ -35,15 +35,21 @@ impl BodyModel {
         let rotations = self.joint_rotations(parameters)?;
         let rest = self.rest_joints(&parameters.betas, &parameters.expression);
         let bone_transforms = bone_transforms(&rest, &rotations);
-        let mut vertices = self.template.clone();
-        self.shapes.add_to(&mut vertices, &shape_coefficients(&parameters.betas, &parameters.expression));
-        self.pose_correctives.add_to(&mut vertices, &pose_features(&rotations));
+        let mut vertices = self.shaped(parameters, &rotations);
+        skin(&mut vertices, &self.skinning_weights, &bone_transforms);
         let translation = parameters.transl;
-        self.skin(&mut vertices, &bone_transforms);
-        vertices.par_iter_mut().for_each(|vertex| *vertex += translation);
+        vertices.iter_mut().for_each(|vertex| *vertex += translation);
         let place = |(transform, joint): (&Affine3A, &Vec3)| transform.transform_point3(*joint) + translation;
         let joints = bone_transforms.iter().zip(&rest).map(place).collect();
         Ok(PosedBody { vertices, joints, bone_transforms })
+    }
+
+    /// The vertices (V) before skinning: template, shape, expression and pose correctives.
+    ///
+    /// # Errors
+    /// As [`pose`](Self::pose).
+    pub fn rest_vertices(&self, parameters: &BodyParameters) -> Result<Vec<Vec3>> {
+        Ok(self.shaped(parameters, &self.joint_rotations(parameters)?))
     }
 
     /// The canonical pose for a shape, without expression.
@@ -77,7 +83,7 @@ impl BodyModel {
         let transforms = self.canonical_transforms(betas)?;
         let mut vertices = self.template.clone();
         self.shapes.add_to(&mut vertices, &shape_coefficients(betas, expression));
-        self.skin(&mut vertices, &transforms);
+        skin(&mut vertices, &self.skinning_weights, &transforms);
         Ok(vertices)
     }
 
@@ -101,6 +107,13 @@ impl BodyModel {
         self.shapes.add_to(&mut offsets, &shape_coefficients(&[0.0; BETAS], &parameters.expression));
         self.pose_correctives.add_to(&mut offsets, &pose_features(&rotations));
         Ok(offsets)
+    }
+
+    fn shaped(&self, parameters: &BodyParameters, rotations: &[Mat3A; JOINTS]) -> Vec<Vec3> {
+        let mut vertices = self.template.clone();
+        self.shapes.add_to(&mut vertices, &shape_coefficients(&parameters.betas, &parameters.expression));
+        self.pose_correctives.add_to(&mut vertices, &pose_features(rotations));
+        vertices
     }
 
     fn canonical_transforms(&self, betas: &[f32; BETAS]) -> Result<Vec<Affine3A>> {
@@ -134,19 +147,19 @@ impl BodyModel {
         }
         Ok(std::array::from_fn(|joint| rotation(pose[joint])))
     }
+}
 
-    /// Linear blend skinning in place: the weighted mean of the transforms, applied to each vertex.
-    fn skin(&self, vertices: &mut [Vec3], transforms: &[Affine3A]) {
-        let rows = self.skinning_weights.par_chunks_exact(JOINTS);
-        vertices.par_iter_mut().zip(rows).with_min_len(512).for_each(|(vertex, weights)| {
-            let mut blend = Affine3A::from_mat3_translation(Mat3::ZERO, Vec3::ZERO);
-            for (transform, weight) in transforms.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
-                blend.matrix3 += transform.matrix3 * *weight;
-                blend.translation += transform.translation * *weight;
-            }
-            *vertex = blend.transform_point3(*vertex);
-        });
-    }
+/// Linear blend skinning in place: the mean of the `transforms` (J) by each vertex's row of `weights` (V, J), applied to it.
+pub(crate) fn skin(vertices: &mut [Vec3], weights: &[f32], transforms: &[Affine3A]) {
+    let rows = weights.par_chunks_exact(JOINTS);
+    vertices.par_iter_mut().zip(rows).with_min_len(512).for_each(|(vertex, weights)| {
+        let mut blend = Affine3A::from_mat3_translation(Mat3::ZERO, Vec3::ZERO);
+        for (transform, weight) in transforms.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
+            blend.matrix3 += transform.matrix3 * *weight;
+            blend.translation += transform.translation * *weight;
+        }
+        *vertex = blend.transform_point3(*vertex);
+    });
 }
 
 impl HandSpace {

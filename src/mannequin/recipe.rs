@@ -5,7 +5,7 @@
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-use crate::body::{JOINT_NAMES, JOINTS};
+use crate::body::{JOINT_NAMES, JOINTS, PARENTS};
 use crate::{Error, Result};
 use glam::Vec3;
 
@@ -18,6 +18,17 @@ pub(super) struct Recipe {
     pub(super) mesh: MeshDetail,
     joints: BTreeMap<String, [f32; 3]>,
     pub(super) flesh: Flesh,
+    pub(super) rig: Rig,
+    pub(super) hands: Hands,
+    pub(super) shapes: Vec<ShapeDirection>,
+    pub(super) expressions: Vec<Expression>,
+    pub(super) correctives: Correctives,
+    pub(super) scan: ScanDetail,
+    pub(super) garments: Vec<Garment>,
+    pub(super) paints: Vec<Paint>,
+    pub(super) wrinkles: Vec<Wrinkle>,
+    pub(super) motion: Motion,
+    pub(super) poses: BTreeMap<String, KeyPose>,
 }
 
 /// How long triangles are, and where the flesh ends below.
@@ -72,6 +83,171 @@ pub(super) struct Mass {
     pub(super) carve: bool,
 }
 
+/// How the skin follows the joints.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Rig {
+    pub(super) diffusion_rounds: usize,
+    pub(super) eyeball_radius: f32,
+    pub(super) eyes_mouth: Vec<Ball>,
+}
+
+/// A place on the face.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Ball {
+    pub(super) centre: [f32; 3],
+    pub(super) radius: f32,
+}
+
+/// How the left hand closes; the right hand is its mirror image.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Hands {
+    pub(super) finger_curl: [[f32; 3]; 3],
+    pub(super) thumb_curl: [[f32; 3]; 3],
+    pub(super) relaxed: f32,
+}
+
+/// One direction of body shape.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ShapeDirection {
+    #[serde(rename = "name")]
+    _name: String,
+    pub(super) moves: Vec<Move>,
+}
+
+/// A displacement of what some joints hold.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Move {
+    pub(super) joints: Vec<String>,
+    #[serde(default)]
+    pub(super) shift: [f32; 3],
+    #[serde(default)]
+    pub(super) stretch: [f32; 3],
+    #[serde(default)]
+    pub(super) about: [f32; 3],
+    #[serde(default)]
+    pub(super) inflate: f32,
+}
+
+/// One direction of expression.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Expression {
+    pub(super) name: String,
+    pub(super) pulls: Vec<Pull>,
+}
+
+/// A displacement around a point of the face.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Pull {
+    pub(super) at: [f32; 3],
+    pub(super) radius: f32,
+    pub(super) shift: [f32; 3],
+}
+
+/// What pose does to flesh beyond skinning.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Correctives {
+    pub(super) bulges: Vec<Bulge>,
+}
+
+/// A swelling around a bent joint.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Bulge {
+    pub(super) joint: String,
+    pub(super) amount: f32,
+    pub(super) radius: f32,
+}
+
+/// The scan's triangles, and the colour of bare skin.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ScanDetail {
+    pub(super) edge: f32,
+    pub(super) head_edge: f32,
+    pub(super) head_above: f32,
+    pub(super) skin: [u8; 3],
+}
+
+/// Something worn.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Garment {
+    pub(super) borders: Vec<Border>,
+    pub(super) thickness: f32,
+    pub(super) hem: f32,
+    pub(super) rise: f32,
+    pub(super) colour: [u8; 3],
+    pub(super) stripes: Option<Stripes>,
+}
+
+/// A plane that a garment ends at.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Border {
+    pub(super) normal: [f32; 3],
+    pub(super) offset: f32,
+}
+
+/// Bands of a second colour along y.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Stripes {
+    pub(super) period: f32,
+    pub(super) share: f32,
+    pub(super) colour: [u8; 3],
+}
+
+/// Colour on the skin inside an ellipsoid.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Paint {
+    pub(super) centre: [f32; 3],
+    pub(super) radii: [f32; 3],
+    pub(super) colour: [u8; 3],
+}
+
+/// Creases of cloth around a joint that bends.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Wrinkle {
+    pub(super) joint: String,
+    pub(super) axis: [f32; 3],
+    pub(super) wavelength: f32,
+    pub(super) radius: f32,
+    pub(super) depth: f32,
+}
+
+/// The subject's shape and its takes.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Motion {
+    pub(super) betas: [f32; 10],
+    pub(super) train: Vec<String>,
+    pub(super) test: Vec<String>,
+}
+
+/// A pose that motions pass through.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct KeyPose {
+    pub(super) turns: BTreeMap<String, [f32; 3]>,
+    pub(super) hands: [f32; 2],
+    #[serde(default)]
+    pub(super) yaw: f32,
+    #[serde(default)]
+    pub(super) jaw: f32,
+    #[serde(default)]
+    pub(super) expression: BTreeMap<String, f32>,
+}
+
 impl Recipe {
     /// The recipe that is part of the program.
     pub(super) fn embedded() -> Result<Self> {
@@ -99,6 +275,25 @@ pub(super) fn joint_index(name: &str) -> Result<usize> {
     known.ok_or_else(|| malformed("a joint", format!("{name:?}"), "a joint of SMPL-X"))
 }
 
+/// The joints that a move names: `name`, or `name*` for a joint and all below it.
+pub(super) fn joint_set(names: &[String]) -> Result<[bool; JOINTS]> {
+    let mut set = [false; JOINTS];
+    for name in names {
+        match name.strip_suffix('*') {
+            None => set[joint_index(name)?] = true,
+            Some(name) => {
+                let top = joint_index(name)?;
+                let mut below = [false; JOINTS];
+                for joint in 0..JOINTS {
+                    below[joint] = joint == top || joint > 0 && below[PARENTS[joint]];
+                    set[joint] |= below[joint];
+                }
+            }
+        }
+    }
+    Ok(set)
+}
+
 /// The joint on the other side; a middle joint is its own twin.
 pub(super) fn twin(joint: usize) -> usize {
     let name = JOINT_NAMES[joint];
@@ -110,7 +305,7 @@ pub(super) fn twin(joint: usize) -> usize {
     JOINT_NAMES.iter().position(|joint| *joint == other).unwrap_or(joint)
 }
 
-fn malformed(place: &str, found: impl Into<String>, expected: &str) -> Error {
+pub(super) fn malformed(place: &str, found: impl Into<String>, expected: &str) -> Error {
     Error::Malformed {
         path: "assets/mannequin.toml".into(),
         format: "mannequin recipe",

@@ -96,30 +96,31 @@ impl Golden {
     }
 }
 
-/// One layer: y = (g v / |v|) x + b, rows of v are (out, in).
+/// One layer: y = (g v / |v|) x + b; rows of v are (out, in).
 #[derive(Clone)]
 pub struct Layer {
     pub v: Vec<f64>,
     pub g: Vec<f64>,
     pub b: Vec<f64>,
+    /// |v| of each row, and g v / |v|.
+    norms: Vec<f64>,
+    weights: Vec<f64>,
 }
 
 impl Layer {
+    fn new(v: Vec<f64>, g: Vec<f64>, b: Vec<f64>) -> Self {
+        let inputs = v.len() / g.len();
+        let norms: Vec<f64> = v.chunks(inputs).map(|row| row.iter().map(|v| v * v).sum::<f64>().sqrt()).collect();
+        let weights = v.iter().enumerate().map(|(i, v)| g[i / inputs] * v / norms[i / inputs]).collect();
+        Self { v, g, b, norms, weights }
+    }
+
     fn inputs(&self) -> usize {
         self.v.len() / self.g.len()
     }
 
-    fn row(&self, output: usize) -> (&[f64], f64) {
-        let row = &self.v[output * self.inputs()..][..self.inputs()];
-        (row, row.iter().map(|v| v * v).sum::<f64>().sqrt())
-    }
-
     fn linear(&self, x: &[f64]) -> Vec<f64> {
-        let output = |o| {
-            let (row, norm) = self.row(o);
-            self.g[o] / norm * row.iter().zip(x).map(|(v, x)| v * x).sum::<f64>()
-        };
-        (0..self.g.len()).map(output).collect()
+        self.weights.chunks(x.len()).map(|row| row.iter().zip(x).map(|(w, x)| w * x).sum()).collect()
     }
 }
 
@@ -131,12 +132,20 @@ pub struct NaiveSkinning {
 
 impl NaiveSkinning {
     pub fn golden(golden: &Golden) -> Self {
-        let layer = |l| Layer {
-            v: golden.values(&format!("skin.{l}.v")),
-            g: golden.values(&format!("skin.{l}.g")),
-            b: golden.values(&format!("skin.{l}.b")),
+        let layer = |l| {
+            let values = |name| golden.values(&format!("skin.{l}.{name}"));
+            Layer::new(values("v"), values("g"), values("b"))
         };
         Self { layers: (0..5).map(layer).collect() }
+    }
+
+    /// A network of the same shapes to sum gradients in.
+    pub fn zeros(&self) -> Self {
+        let zero = |layer: &Layer| {
+            let zeros = |values: &Vec<f64>| vec![0.0; values.len()];
+            Layer::new(zeros(&layer.v), zeros(&layer.g), zeros(&layer.b))
+        };
+        Self { layers: self.layers.iter().map(zero).collect() }
     }
 
     /// Inputs of each layer, softplus' derivatives after each, and the scaled logits.
@@ -185,13 +194,14 @@ impl NaiveSkinning {
             let width = layer.inputs();
             let mut down = vec![0.0; width];
             for (o, &bar) in bar.iter().enumerate() {
-                let (row, norm) = layer.row(o);
+                let (row, norm) = (&layer.v[o * width..][..width], layer.norms[o]);
                 let along = row.iter().zip(&inputs[l]).map(|(v, x)| v * x).sum::<f64>() / norm;
-                sum.layers[l].b[o] += bar;
-                sum.layers[l].g[o] += bar * along;
-                for i in 0..width {
-                    sum.layers[l].v[o * width + i] += bar * layer.g[o] / norm * (inputs[l][i] - along * row[i] / norm);
-                    down[i] += bar * layer.g[o] / norm * row[i];
+                let to = &mut sum.layers[l];
+                to.b[o] += bar;
+                to.g[o] += bar * along;
+                for (i, v) in row.iter().enumerate() {
+                    to.v[o * width + i] += bar * layer.g[o] / norm * (inputs[l][i] - along * v / norm);
+                    down[i] += bar * layer.weights[o * width + i];
                 }
             }
             if l > 0 {
