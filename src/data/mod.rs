@@ -6,14 +6,19 @@ mod array;
 
 mod element;
 mod fault;
+mod fields;
+mod motion;
 mod npy;
 mod npz;
 mod pickle;
+mod xhumans;
 
 pub use array::{Array, ArrayData, ArrayMap};
+pub use motion::{Motion, read_motion, write_motion};
 pub use npy::read_npy;
 pub use npz::{read_npz, write_npz};
 pub use pickle::{Value, read_pickle, read_pickle_arrays, write_pickle};
+pub use xhumans::{Subject, read_frame, write_subject};
 
 use std::path::PathBuf;
 
