@@ -25,6 +25,8 @@ pub struct Config {
     pub preset: String,
     /// Seed of everything random.
     pub seed: u64,
+    /// Leave out frames that cannot be used instead of stopping at the first.
+    pub skip_bad_frames: bool,
     /// Extents of the networks.
     pub fields: FieldSettings,
     /// When search starts are given up and roots are the same.
@@ -115,6 +117,10 @@ pub struct SamplingSettings {
     pub extent: f32,
     /// Standard deviation of the noise that moves surface points off the surface, metres.
     pub deviation: f32,
+    /// Share of the points off the surface that get `wide_deviation` instead.
+    pub wide_share: f32,
+    /// A larger standard deviation, so that the interior is sampled too, metres.
+    pub wide_deviation: f32,
     /// Where surface points are drawn.
     pub strategy: SamplingStrategy,
     /// Which surface supervises the hands.
@@ -147,6 +153,8 @@ pub struct LossSettings {
     pub surface: f64,
     /// (|grad f| - 1)^2 around the canonical body.
     pub eikonal: f64,
+    /// Points for it a frame.
+    pub eikonal_points: usize,
 }
 
 /// Adam and its learning rate.
@@ -253,6 +261,8 @@ impl Config {
         positive("schedule.checkpoint_steps", self.schedule.checkpoint_steps as f64)?;
         positive("schedule.checkpoints_kept", self.schedule.checkpoints_kept as f64)?;
         positive("fields.skinning.blend", self.fields.skinning.blend.into())?;
+        within("sampling.wide_share", self.sampling.wide_share.into(), 1.0)?;
+        positive("sampling.wide_deviation", self.sampling.wide_deviation.into())?;
         within("fields.condition_dropout", self.fields.condition_dropout, 1.0)?;
         within("schedule.minutes", self.schedule.minutes, 1e6)?;
         for (name, weight) in [

@@ -8,10 +8,22 @@ use xavatar_network::{
 };
 
 use crate::Result;
+use crate::body::{BodyParameters, PARENTS};
 use crate::config::FieldSettings;
 
 /// Entries of the condition c = [theta_b / pi, psi]: 63 of the body pose, 10 of the expression.
 pub const CONDITION: usize = 73;
+
+/// The condition of a pose and expression.
+pub fn condition(parameters: &BodyParameters) -> Vec<f32> {
+    let pose = parameters.body_pose.iter().flat_map(|joint| (joint.0 / std::f32::consts::PI).to_array());
+    pose.chain(parameters.expression).collect()
+}
+
+/// The SMPL-X kinematic tree, for [`Fields::new`].
+pub fn skeleton_parents() -> Vec<Option<usize>> {
+    PARENTS.iter().enumerate().map(|(joint, parent)| (joint > 0).then_some(*parent)).collect()
+}
 
 /// Geometry, texture and skinning of one avatar.
 #[derive(Clone, Debug)]

@@ -6,6 +6,7 @@ mod atomic_file;
 pub mod avatar;
 pub mod body;
 pub mod config;
+pub mod correspondence;
 pub mod data;
 mod error;
 pub mod evaluate;
@@ -13,6 +14,7 @@ pub mod fields;
 pub mod mannequin;
 pub mod mesh;
 pub mod render;
+mod tensor_file;
 pub mod train;
 
 pub use error::{Error, Result};

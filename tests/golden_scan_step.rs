@@ -4,9 +4,8 @@
 use std::collections::HashMap;
 
 use candle_core::{DType, Device, Tensor};
-use xavatar::body::PARENTS;
 use xavatar::config::{Config, FieldSettings, SkinningShape};
-use xavatar::fields::{CONDITION, Fields};
+use xavatar::fields::{CONDITION, Fields, skeleton_parents};
 use xavatar::train::losses::{CanonicalBatch, LossEvaluator, WeightTargets};
 use xavatar_network::{GeometryShape, Mlp, Representation, TextureShape};
 
@@ -42,8 +41,7 @@ fn losses_and_gradients_match() {
         skinning: SkinningShape { depth: 4, width: 64, frequencies: 0, blend: 20 },
         condition_dropout: 0.0,
     };
-    let parents: Vec<_> = PARENTS.iter().enumerate().map(|(joint, parent)| (joint > 0).then_some(*parent)).collect();
-    let mut fields = Fields::<f64>::new(&settings, &parents).unwrap();
+    let mut fields = Fields::<f64>::new(&settings, &skeleton_parents()).unwrap();
     let prefixes = ["shape", "texture", "skin"];
     for (network, prefix) in fields.networks_mut().into_iter().zip(prefixes) {
         let parameters = golden.parameters(prefix, network);

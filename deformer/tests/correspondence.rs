@@ -1,17 +1,76 @@
 //! The search, its implicit gradient and the baked warp against float64 vectors: a random skinning network, three poses,
 //! 24 points per part, Newton's roots from every start.
 
-mod naive;
+use std::collections::HashMap;
+use std::path::Path;
 
-use naive::{Golden, NaiveSkinning};
+use candle_core::{DType, Device, Tensor};
 use xavatar_deformer::{
     BakedWeights, BoneTransform, Candidates, ExactWarp, SearchSettings, StartGroups, Warp, deform, deform_backward,
     root_cotangents, search, search_and_polish,
 };
-use xavatar_network::Real;
+use xavatar_network::{Backward, KinematicTree, Real, SkinningField, SkinningWeights};
 
 const POSES: usize = 3;
 const PARTS: [&str; 4] = ["body", "face", "left_hand", "right_hand"];
+
+/// Parents of the SMPL-X skeleton after the root.
+const PARENTS: [usize; 54] = [
+    0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 15, 15, 15, 20, 25, 26, 20, 28, 29, 20, 31,
+    32, 20, 34, 35, 20, 37, 38, 21, 40, 41, 21, 43, 44, 21, 46, 47, 21, 49, 50, 21, 52, 53,
+];
+
+/// The golden tensors by name.
+struct Golden(HashMap<String, Tensor>);
+
+impl Golden {
+    fn read() -> Self {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/correspondence.safetensors");
+        Self(candle_core::safetensors::load(path, &Device::Cpu).expect("the golden file reads"))
+    }
+
+    fn values(&self, name: &str) -> Vec<f64> {
+        let tensor = self.0.get(name).unwrap_or_else(|| panic!("golden tensor {name}"));
+        let flat = tensor.to_dtype(DType::F64).and_then(|tensor| tensor.flatten_all()).expect("a numeric tensor");
+        flat.to_vec1().expect("f64")
+    }
+
+    fn points(&self, name: &str) -> Vec<[f64; 3]> {
+        self.values(name).as_chunks::<3>().0.to_vec()
+    }
+
+    fn bones(&self, pose: usize) -> Vec<BoneTransform<f64>> {
+        let matrices = self.values(&format!("pose{pose}.bone_transforms"));
+        matrices.as_chunks::<16>().0.iter().map(|matrix| std::array::from_fn(|index| matrix[index])).collect()
+    }
+
+    fn field<T: Real>(&self) -> SkinningField<T> {
+        let parents: Vec<_> = std::iter::once(None).chain(PARENTS.map(Some)).collect();
+        let tree = KinematicTree::new(&parents).expect("a tree");
+        let mut field = SkinningField::new(tree, 4, 64, 0, 20.0).expect("a valid shape");
+        let entries = field.mlp().layout().entries().to_vec();
+        field.mlp_mut().update(|parameters| {
+            for entry in &entries {
+                let values = self.values(&format!("skin.{}", golden_name(&entry.name)));
+                let target = &mut parameters[entry.range.clone()];
+                assert_eq!(values.len(), target.len(), "{}", entry.name);
+                target.iter_mut().zip(values).for_each(|(target, value)| *target = T::of(value));
+            }
+        });
+        field
+    }
+}
+
+/// `lin3.weight_v` -> `3.v`.
+fn golden_name(name: &str) -> String {
+    let (layer, parameter) = name.trim_start_matches("lin").split_once('.').expect("lin{l}.{parameter}");
+    let letter = match parameter {
+        "weight_v" => "v",
+        "weight_g" => "g",
+        _ => "b",
+    };
+    format!("{layer}.{letter}")
+}
 
 fn groups() -> StartGroups {
     let body = vec![0, 1, 2, 4, 5, 16, 17, 18, 19];
@@ -49,7 +108,7 @@ fn share_found<T: Real>(candidates: &Candidates<T>, roots: &[[f64; 3]], residual
 #[test]
 fn the_golden_roots_deform_to_their_points() {
     let golden = Golden::read();
-    let field = NaiveSkinning::golden(&golden);
+    let field = golden.field::<f64>();
     for (pose, part) in (0..POSES).flat_map(|pose| PARTS.map(|part| (pose, part))) {
         let bones = golden.bones(pose);
         let canonical = golden.points(&format!("pose{pose}.{part}.x_canonical"));
@@ -66,7 +125,7 @@ fn the_golden_roots_deform_to_their_points() {
 #[test]
 fn broyden_converges_as_often_as_newton_and_finds_its_roots() {
     let golden = Golden::read();
-    let field = NaiveSkinning::golden(&golden);
+    let field = golden.field::<f64>();
     let (groups, settings) = (groups(), SearchSettings::default());
     let (mut starts, mut converged, mut newton, mut evaluations) = (0, 0, 0, 0);
     for (pose, (label, part)) in (0..POSES).flat_map(|pose| PARTS.into_iter().enumerate().map(move |p| (pose, p))) {
@@ -99,7 +158,7 @@ fn broyden_converges_as_often_as_newton_and_finds_its_roots() {
 #[test]
 fn implicit_parameter_gradients_match() {
     let golden = Golden::read();
-    let field = NaiveSkinning::golden(&golden);
+    let field = golden.field::<f64>();
     for (pose, part) in (0..POSES).flat_map(|pose| PARTS.map(|part| (pose, part))) {
         let bones = golden.bones(pose);
         let tensor = |name: &str| format!("pose{pose}.{part}.{name}");
@@ -112,19 +171,20 @@ fn implicit_parameter_gradients_match() {
         assert_eq!(root_cotangents(&jacobians, &cotangents, &mut lambda).unwrap(), 0);
         let (mut to_weights, mut to_points) = (vec![0.0; roots.len() * bones.len()], vec![[0.0; 3]; roots.len()]);
         deform_backward(&transforms, &bones, &roots, &lambda, &mut to_weights, &mut to_points).unwrap();
-        let mut gradient = field.zeros();
-        for (&root, cotangent) in roots.iter().zip(to_weights.chunks_exact(bones.len())) {
-            field.backward(root, cotangent, &mut gradient);
-        }
-        for (l, layer) in gradient.layers.iter().enumerate() {
-            for (name, found) in [("v", &layer.v), ("g", &layer.g), ("b", &layer.b)] {
-                let expected = golden.values(&tensor(&format!("d.skin.{l}.{name}")));
-                let size = expected.iter().map(|value| value.abs()).fold(0.0, f64::max);
-                for (found, expected) in found.iter().zip(&expected) {
-                    let error = (found - expected).abs();
-                    // The golden softplus is linear beyond beta y = 20, which is worth 2e-9.
-                    assert!(error < 1e-8 * size, "{part} of pose {pose}, {name} of layer {l}: {found} != {expected}");
-                }
+
+        let mut trace = Default::default();
+        field.weights(&mut trace, &roots, &mut vec![0.0; to_weights.len()]);
+        let mut folded = field.mlp().zero_gradient();
+        field.backward(&mut trace, &to_weights, None, Backward::Parameters, &mut folded);
+        let mut gradient = vec![0.0; field.mlp().layout().len()];
+        field.mlp().parameter_gradient(&folded, &mut gradient);
+        for entry in field.mlp().layout().entries() {
+            let expected = golden.values(&tensor(&format!("d.skin.{}", golden_name(&entry.name))));
+            let size = expected.iter().map(|value| value.abs()).fold(0.0, f64::max);
+            for (found, expected) in gradient[entry.range.clone()].iter().zip(&expected) {
+                // The golden softplus is linear beyond beta y = 20, which is worth 2e-9.
+                let error = (found - expected).abs();
+                assert!(error < 1e-8 * size, "{part} of pose {pose}, {}: {found} != {expected}", entry.name);
             }
         }
     }
@@ -133,9 +193,10 @@ fn implicit_parameter_gradients_match() {
 #[test]
 fn single_precision_and_polished_baked_searches_find_the_double_precision_roots() {
     let golden = Golden::read();
-    let field = NaiveSkinning::golden(&golden);
+    let field = golden.field::<f64>();
     let (groups, settings) = (groups(), SearchSettings::default());
-    let baked = BakedWeights::<f32>::sample(&field, [-1.0, -1.2, -0.3], [1.0, 0.7, 0.3], [41, 39, 13]).unwrap();
+    let single_field = golden.field::<f32>();
+    let baked = BakedWeights::sample(&single_field, [-1.0, -1.2, -0.3], [1.0, 0.7, 0.3], [41, 39, 13]).unwrap();
     let (mut known, mut single_found, mut polished_found) = (0.0, 0.0, 0.0);
     for (pose, (label, part)) in (0..POSES).flat_map(|pose| PARTS.into_iter().enumerate().map(move |p| (pose, p))) {
         let wide = golden.points(&format!("pose{pose}.{part}.x_deformed"));
@@ -145,7 +206,7 @@ fn single_precision_and_polished_baked_searches_find_the_double_precision_roots(
         let expected = search(&warp, &groups, &wide, Some(&labels), &settings).unwrap();
 
         let (points, bones) = (narrow(&wide), narrow_bones(&wide_bones));
-        let exact = ExactWarp::new(&field, &bones).unwrap();
+        let exact = ExactWarp::new(&single_field, &bones).unwrap();
         let single = search(&exact, &groups, &points, Some(&labels), &settings).unwrap();
         let fast = baked.warp(&bones).unwrap();
         let polished = search_and_polish(&fast, &exact, &groups, &points, Some(&labels), &settings).unwrap();

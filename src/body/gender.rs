@@ -7,7 +7,8 @@ use std::str::FromStr;
 use crate::{Error, Result};
 
 /// The gender of a body model, as `gender.txt` and the file names `SMPLX_{GENDER}.npz` give it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Gender {
     /// The model fitted to all subjects.
     #[default]

@@ -9,6 +9,7 @@ mod parameters;
 mod part_files;
 mod parts;
 mod posing;
+mod registration;
 mod skeleton;
 
 pub use bones::{Bone, joint_weights};
@@ -18,4 +19,5 @@ pub use parameters::{BodyParameters, HandPose, PoseAxisAngle};
 pub use parts::{FULL_GROUP, Part, PartLabelSource, PartLabels};
 pub use posing::PosedBody;
 pub(crate) use posing::skin;
+pub use registration::Registration;
 pub use skeleton::{JOINT_NAMES, JOINTS, PARENTS};

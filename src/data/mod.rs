@@ -56,6 +56,24 @@ pub struct FrameFiles {
     pub parameters: PathBuf,
 }
 
+/// The frames of one split of a subject, in order, read on demand.
+pub trait FrameSource: Sync {
+    /// The frames there are.
+    fn ids(&self) -> &[FrameId];
+
+    /// Reads the frame at `index` of [`FrameSource::ids`].
+    ///
+    /// # Errors
+    /// [`crate::Error::Frame`] naming the frame, if a file is missing or broken.
+    fn read(&self, index: usize) -> crate::Result<ScanFrame>;
+
+    /// The subject's shape.
+    fn betas(&self) -> [f32; 10];
+
+    /// The subject's gender.
+    fn gender(&self) -> crate::body::Gender;
+}
+
 /// A frame in memory: a coloured scan and the SMPL-X parameters registered to it.
 #[derive(Clone, Debug)]
 pub struct ScanFrame {

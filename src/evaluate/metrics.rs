@@ -15,9 +15,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::overlap::{BoundingBox, Overlap};
-use super::registration::Registration;
 use crate::Result;
 use crate::body::Part;
+use crate::body::Registration;
 use crate::mesh::{SolidIndex, SurfaceIndex, SurfacePoint, SurfaceSampler, TriangleMesh};
 
 /// Farther from the registration a volume belongs to no hand and no face, metres.

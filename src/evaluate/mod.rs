@@ -4,19 +4,17 @@
 
 mod metrics;
 mod overlap;
-mod registration;
 mod report;
 mod smplx_d;
 
 pub use metrics::{FrameMetrics, PartMetrics, Parts, compare};
-pub use registration::Registration;
 pub use report::{FrameReport, Report};
 pub use smplx_d::{SMPLX_D, SmplxD};
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::body::{BodyModel, PartLabels};
+use crate::body::{BodyModel, PartLabels, Registration};
 use crate::data::ScanFrame;
 use crate::mesh::TriangleMesh;
 use crate::{Error, Result};

@@ -5,7 +5,7 @@
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use crate::body::{Part, PartLabels};
+use super::{Part, PartLabels};
 use crate::{Error, Result};
 
 /// A frame's registered body as a k-d tree over its labelled vertices.
@@ -32,6 +32,11 @@ impl<'a> Registration<'a> {
         let tree = ImmutableKdTree::new_from_slice(&points)
             .map_err(|failure| wrong(format!("{} vertices ({failure})", vertices.len()), "at most 2^32".into()))?;
         Ok(Self { tree, parts: &labels.parts })
+    }
+
+    /// The vertex nearest to a point. `point` has to be finite.
+    pub fn nearest_vertex(&self, point: Vec3) -> usize {
+        self.tree.query(&point.to_array()).nearest_one::<SquaredEuclidean<f32>>().execute().item as usize
     }
 
     /// The part of the nearest vertex, and how far that vertex is, metres. `point` has to be finite.

@@ -1,0 +1,111 @@
+//! A posed avatar as a field: deformed points to canonical correspondences and their geometry (thesis eq. 4.4-4.6).
+//!
+//! Every valid candidate of the search is a point of the body; their union wins: maximum occupancy, minimum distance.
+//! N points; canonical and deformed coordinates in metres, the registration's translation subtracted.
+
+use rayon::prelude::*;
+use xavatar_deformer::{
+    BoneTransform, Candidates, ExactWarp, SearchSettings, SearchStatistics, StartGroups, bone_transform, search,
+};
+use xavatar_network::Trace;
+
+use crate::Result;
+use crate::body::{FULL_GROUP, JOINTS, Part};
+use crate::config::Starts;
+use crate::fields::Fields;
+
+/// Rows a thread evaluates at a time.
+const BLOCK_ROWS: usize = 256;
+
+/// The start groups of a choice of starts; labels are places in [`Part::ALL`].
+///
+/// # Errors
+/// Never for the SMPL-X skeleton.
+pub fn start_groups(starts: Starts) -> Result<StartGroups> {
+    let part_joints = |part: Part| match starts {
+        Starts::Part => part.joints().to_vec(),
+        Starts::Body => Part::Body.joints().to_vec(),
+        Starts::All => (0..JOINTS).collect(),
+    };
+    let full = match starts {
+        Starts::Part => FULL_GROUP.to_vec(),
+        Starts::Body => Part::Body.joints().to_vec(),
+        Starts::All => (0..JOINTS).collect(),
+    };
+    Ok(StartGroups::new(JOINTS, Part::ALL.map(part_joints).to_vec(), full)?)
+}
+
+/// The label of a part in [`start_groups`].
+pub fn part_label(part: Part) -> u8 {
+    part as u8
+}
+
+/// Bone transforms as the search takes them.
+pub fn bone_rows(transforms: &[glam::Affine3A]) -> Vec<BoneTransform<f32>> {
+    transforms.iter().map(bone_transform).collect()
+}
+
+/// The winning correspondence of a deformed point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Correspondence {
+    /// x_c.
+    pub canonical: [f32; 3],
+    /// Occupancy logit or signed distance there.
+    pub value: f32,
+}
+
+/// One pose of an avatar.
+pub struct PosedField<'a> {
+    /// The avatar's fields.
+    pub fields: &'a Fields<f32>,
+    /// Bone transforms, canonical to posed (J).
+    pub bones: &'a [BoneTransform<f32>],
+    /// The embedded condition.
+    pub embedded: &'a [f32],
+    /// Which bones start the search.
+    pub groups: &'a StartGroups,
+    /// When starts are given up.
+    pub settings: &'a SearchSettings,
+}
+
+impl PosedField<'_> {
+    /// The winning correspondence of each point (N) with its part's label (N); none where the search found no root.
+    ///
+    /// # Errors
+    /// Those of the search: a point that is not finite, bones that cannot be inverted.
+    pub fn correspondences(
+        &self,
+        points: &[[f32; 3]],
+        labels: &[u8],
+    ) -> Result<(Vec<Option<Correspondence>>, SearchStatistics)> {
+        let warp = ExactWarp::new(&self.fields.skinning, self.bones)?;
+        let candidates = search(&warp, self.groups, points, Some(labels), self.settings)?;
+        let values = self.geometry(&candidates.points);
+        Ok((self.winners(&candidates, &values), candidates.statistics))
+    }
+
+    /// The geometry field's values (N) at canonical points (N).
+    pub fn geometry(&self, canonical: &[[f32; 3]]) -> Vec<f32> {
+        let mut values = vec![0.0; canonical.len()];
+        values.par_chunks_mut(BLOCK_ROWS).zip(canonical.par_chunks(BLOCK_ROWS)).for_each_init(
+            Trace::default,
+            |trace, (values, points)| {
+                self.fields.geometry.mlp.forward(trace, points.as_flattened(), self.embedded, &[]);
+                values.copy_from_slice(trace.output());
+            },
+        );
+        values
+    }
+
+    fn winners(&self, candidates: &Candidates<f32>, values: &[f32]) -> Vec<Option<Correspondence>> {
+        let representation = self.fields.geometry.representation;
+        let better =
+            |best: usize, index: usize| if representation.prefers(values[index], values[best]) { index } else { best };
+        (0..candidates.len())
+            .map(|point| {
+                let winner = candidates.range(point).reduce(better)?;
+                Some(Correspondence { canonical: candidates.points[winner], value: values[winner] })
+            })
+            .collect()
+    }
+}

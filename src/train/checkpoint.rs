@@ -1,0 +1,155 @@
+//! The whole state of a run, in one file: parameters, Adam's moments, where training stands.
+//!
+//! Written to a temporary name, synced and renamed; the newest few and the best are kept. Randomness needs no state of its own:
+//! every draw's generator is derived from (seed, step, frame).
+
+use std::path::{Path, PathBuf};
+
+use xavatar_network::{Adam, Mlp};
+
+use crate::fields::{FIELD_NAMES, Fields, PerField};
+use crate::tensor_file::TensorFile;
+use crate::{Error, Result};
+
+const FOLDER: &str = "checkpoints";
+const BEST: &str = "best.safetensors";
+
+/// Where a run stands.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Progress {
+    /// Steps of stage 0 done.
+    pub pretraining_steps: u64,
+    /// Steps on frames done.
+    pub steps: u64,
+    /// Seconds of all commands that worked on the run.
+    pub seconds: f64,
+    /// Running mean of the total loss; infinite before the first step.
+    pub running_loss: f64,
+    /// The smallest running mean that a checkpoint was written at.
+    pub best_loss: f64,
+}
+
+/// Fields, optimiser and progress.
+pub(super) struct State {
+    pub fields: Fields<f32>,
+    pub adam: PerField<Adam<f32>>,
+    pub progress: Progress,
+}
+
+impl State {
+    fn to_file(&self) -> TensorFile {
+        let mut file = TensorFile::default();
+        insert_parameters(&mut file, &self.fields);
+        for ((name, network), adam) in FIELD_NAMES.iter().zip(self.fields.networks()).zip(&self.adam) {
+            let length = vec![network.parameters().len()];
+            file.tensors.insert(format!("{name}.adam.first"), (length.clone(), adam.first_moment.clone()));
+            file.tensors.insert(format!("{name}.adam.second"), (length, adam.second_moment.clone()));
+            file.text.insert(format!("{name}.adam.updates"), adam.updates.to_string());
+        }
+        let Progress { pretraining_steps, steps, seconds, running_loss, best_loss } = self.progress;
+        for (key, value) in [
+            ("pretraining_steps", pretraining_steps.to_string()),
+            ("steps", steps.to_string()),
+            ("seconds", seconds.to_string()),
+            ("running_loss", running_loss.to_string()),
+            ("best_loss", best_loss.to_string()),
+        ] {
+            file.text.insert(key.into(), value);
+        }
+        file
+    }
+
+    /// Replaces the state by the one stored at `path`.
+    pub fn load(&mut self, path: &Path) -> Result<()> {
+        let file = TensorFile::read(path)?;
+        load_parameters(&file, &mut self.fields)?;
+        for ((name, network), adam) in FIELD_NAMES.iter().zip(self.fields.networks()).zip(&mut self.adam) {
+            let moment = |kind: &str| stored_moment(&file, path, &format!("{name}.adam.{kind}"), network);
+            *adam = Adam {
+                first_moment: moment("first")?,
+                second_moment: moment("second")?,
+                updates: file.parsed(path, &format!("{name}.adam.updates"))?,
+            };
+        }
+        self.progress = Progress {
+            pretraining_steps: file.parsed(path, "pretraining_steps")?,
+            steps: file.parsed(path, "steps")?,
+            seconds: file.parsed(path, "seconds")?,
+            running_loss: file.parsed(path, "running_loss")?,
+            best_loss: file.parsed(path, "best_loss")?,
+        };
+        Ok(())
+    }
+
+    /// Writes a checkpoint, then removes all but the newest `kept` and the best. Returns its path.
+    pub fn save(&mut self, run: &Path, kept: usize) -> Result<PathBuf> {
+        let folder = run.join(FOLDER);
+        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+        let best = self.progress.running_loss < self.progress.best_loss;
+        self.progress.best_loss = self.progress.best_loss.min(self.progress.running_loss);
+        let file = self.to_file();
+        let step = self.progress.pretraining_steps + self.progress.steps;
+        let path = folder.join(format!("step-{step:08}.safetensors"));
+        file.write(&path)?;
+        if best {
+            file.write(&folder.join(BEST))?;
+        }
+        for old in checkpoints(run)?.into_iter().skip(kept) {
+            std::fs::remove_file(&old).map_err(Error::io(&old))?;
+        }
+        Ok(path)
+    }
+}
+
+fn stored_moment(file: &TensorFile, path: &Path, name: &str, network: &Mlp<f32>) -> Result<Vec<f32>> {
+    match file.tensors.get(name) {
+        Some((_, values)) if values.len() == network.parameters().len() => Ok(values.clone()),
+        other => Err(Error::Mismatch {
+            path: path.into(),
+            found: other.map_or(format!("no {name}"), |(shape, _)| format!("{name} of shape {shape:?}")),
+            expected: format!("{} entries", network.parameters().len()),
+            remedy: "resume with the configuration that the run was started with".into(),
+        }),
+    }
+}
+
+/// The run's checkpoints, the newest first.
+pub(super) fn checkpoints(run: &Path) -> Result<Vec<PathBuf>> {
+    let folder = run.join(FOLDER);
+    if !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(&folder).map_err(Error::io(&folder))? {
+        let entry = entry.map_err(Error::io(&folder))?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name.starts_with("step-") && name.ends_with(".safetensors") {
+            paths.push(entry.path());
+        }
+    }
+    paths.sort();
+    paths.reverse();
+    Ok(paths)
+}
+
+/// Stores the parameters of all fields under `field.parameter`.
+pub(crate) fn insert_parameters(file: &mut TensorFile, fields: &Fields<f32>) {
+    for (name, network) in FIELD_NAMES.iter().zip(fields.networks()) {
+        for entry in network.layout().entries() {
+            let values = network.parameters()[entry.range.clone()].to_vec();
+            file.tensors.insert(format!("{name}.{}", entry.name), (entry.shape.clone(), values));
+        }
+    }
+}
+
+/// Replaces the parameters of all fields by those stored under `field.parameter`.
+pub(crate) fn load_parameters(file: &TensorFile, fields: &mut Fields<f32>) -> Result<()> {
+    for (name, network) in FIELD_NAMES.iter().zip(fields.networks_mut()) {
+        let prefix = format!("{name}.");
+        let own =
+            file.tensors.iter().filter_map(|(key, tensor)| Some((key.strip_prefix(&prefix)?.into(), tensor.clone())));
+        let flat = network.layout().gather(&own.collect())?;
+        network.update(|parameters| parameters.copy_from_slice(&flat));
+    }
+    Ok(())
+}

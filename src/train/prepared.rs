@@ -1,0 +1,135 @@
+//! A frame made ready to draw from: surfaces, solids, part labels, bones.
+//!
+//! Everything is in the body's frame: the registration's translation is subtracted from the scan.
+
+use glam::Vec3;
+use xavatar_deformer::BoneTransform;
+
+use crate::body::{BodyModel, Part, PartLabels, Registration};
+use crate::config::{HandSupervision, SamplingSettings, SamplingStrategy};
+use crate::correspondence::bone_rows;
+use crate::data::{FrameId, ScanFrame};
+use crate::fields::condition;
+use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
+use crate::{Error, Result};
+
+/// A surface to draw from, and the solid it bounds.
+pub(super) struct Surface {
+    pub mesh: TriangleMesh,
+    pub solid: SolidIndex,
+}
+
+impl Surface {
+    fn new(mesh: TriangleMesh) -> Result<Self> {
+        Ok(Self { solid: SolidIndex::new(&mesh)?, mesh })
+    }
+}
+
+/// Where a region's points are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Source {
+    Scan,
+    Registration,
+}
+
+/// A part of the surface and its share of P.
+pub(super) struct Region {
+    pub source: Source,
+    pub part: Part,
+    pub share: f64,
+    pub sampler: SurfaceSampler,
+}
+
+/// One frame of training data.
+pub(super) struct PreparedFrame<'a> {
+    pub id: FrameId,
+    pub condition: Vec<f32>,
+    pub bones: Vec<BoneTransform<f32>>,
+    pub scan: Surface,
+    pub body: Surface,
+    pub registration: Registration<'a>,
+    pub regions: Vec<Region>,
+}
+
+impl<'a> PreparedFrame<'a> {
+    /// Prepares a frame; the scan must have normals or faces to take them from, and a surface.
+    pub fn new(
+        frame: ScanFrame,
+        body: &BodyModel,
+        labels: &'a PartLabels,
+        settings: &SamplingSettings,
+    ) -> Result<Self> {
+        let id = frame.id.clone();
+        let prepare = || {
+            let ScanFrame { mut scan, parameters, id } = frame;
+            scan.vertices.iter_mut().for_each(|vertex| *vertex -= parameters.transl);
+            let posed: Vec<Vec3> =
+                body.pose(&parameters)?.vertices.into_iter().map(|vertex| vertex - parameters.transl).collect();
+            let registration = Registration::new(&posed, labels)?;
+            let mut body_mesh = body.mesh(posed);
+            body_mesh.normals = Some(body_mesh.vertex_normals());
+            let regions = regions(&scan, &body_mesh, labels, &registration, settings)?;
+            Ok(Self {
+                id,
+                condition: condition(&parameters),
+                bones: bone_rows(&body.canonical_to_posed(&parameters)?),
+                scan: Surface::new(scan)?,
+                body: Surface::new(body_mesh)?,
+                registration,
+                regions,
+            })
+        };
+        prepare().map_err(|error: Error| error.in_frame(id.to_string()))
+    }
+
+    pub fn surface(&self, source: Source) -> &Surface {
+        match source {
+            Source::Scan => &self.scan,
+            Source::Registration => &self.body,
+        }
+    }
+}
+
+/// Shares of P (METHOD section 4): body 1/3, face 1/3 of which half around eyes and mouth, each hand 1/8.
+fn regions(
+    scan: &TriangleMesh,
+    body: &TriangleMesh,
+    labels: &PartLabels,
+    registration: &Registration,
+    settings: &SamplingSettings,
+) -> Result<Vec<Region>> {
+    if settings.strategy == SamplingStrategy::Uniform {
+        let sampler = SurfaceSampler::new(scan, None)?;
+        return Ok(vec![Region { source: Source::Scan, part: Part::Body, share: 11.0 / 12.0, sampler }]);
+    }
+    let nearest: Vec<usize> = (0..scan.faces.len() as u32)
+        .map(|face| registration.nearest_vertex(scan.corners(face).into_iter().sum::<Vec3>() / 3.0))
+        .collect();
+    let scan_faces = |wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
+        (0..scan.faces.len()).filter(|face| wanted(nearest[*face])).map(|face| face as u32).collect()
+    };
+    let body_faces = |part: Part| -> Vec<u32> {
+        let of_part = |face: &&[u32; 3]| face.iter().all(|vertex| labels.parts[*vertex as usize] == part);
+        body.faces.iter().enumerate().filter(|(_, face)| of_part(face)).map(|(index, _)| index as u32).collect()
+    };
+    let of_part = |part: Part| scan_faces(&|vertex| labels.parts[vertex] == part);
+    let mut wanted = vec![
+        (Source::Scan, Part::Body, 1.0 / 3.0, of_part(Part::Body)),
+        (Source::Scan, Part::Face, 1.0 / 6.0, of_part(Part::Face)),
+        (Source::Scan, Part::Face, 1.0 / 6.0, scan_faces(&|vertex| labels.eyes_mouth[vertex])),
+    ];
+    for part in [Part::LeftHand, Part::RightHand] {
+        let (source, faces) = match settings.hand_supervision {
+            HandSupervision::Registration => (Source::Registration, body_faces(part)),
+            HandSupervision::Scan => (Source::Scan, of_part(part)),
+        };
+        wanted.push((source, part, 1.0 / 8.0, faces));
+    }
+    // A part that the frame does not show contributes nothing.
+    wanted.retain(|(.., faces)| !faces.is_empty());
+    let region = |(source, part, share, faces): (Source, Part, f64, Vec<u32>)| {
+        let mesh = if source == Source::Scan { scan } else { body };
+        Ok(Region { source, part, share, sampler: SurfaceSampler::new(mesh, Some(&faces))? })
+    };
+    wanted.into_iter().map(region).collect()
+}

@@ -1,0 +1,167 @@
+//! Stage 0: geometry and skinning fitted to the user's body model in canonical space (thesis ch. 4.3.2).
+//!
+//! Each step draws a random pose and one of a few random expressions; the condition says so, the target is the canonical body
+//! of that expression. Supervised there directly, no search is needed: bone transforms are the identity.
+
+use glam::Vec3;
+use rand::Rng;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use rayon::prelude::*;
+use xavatar_deformer::BoneTransform;
+use xavatar_network::Representation;
+
+use super::losses::{CanonicalBatch, WeightTargets};
+use crate::Result;
+use crate::body::{BodyModel, Bone, JOINTS, Part, PartLabels, joint_weights};
+use crate::config::{Config, LossSettings};
+use crate::fields::CONDITION;
+use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
+
+/// Expressions whose canonical bodies are kept ready.
+const EXPRESSIONS: usize = 8;
+/// Spread of the random joint angles, as the condition holds them (angle / pi).
+const POSE_SPREAD: f32 = 0.1;
+/// Canonical vertices whose weights are supervised at each step.
+const WEIGHT_POINTS: usize = 2048;
+/// How far from its vertex a weight is still asked for, metres.
+const WEIGHT_SPREAD: f32 = 0.01;
+
+const IDENTITY: BoneTransform<f32> = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+/// The subject's canonical body: what stage 0 fits, and what keeps the skinning field in place later.
+pub(super) struct CanonicalBody<'a> {
+    weights: &'a [f32],
+    vertices: Vec<[f32; 3]>,
+    joints: [Vec3; JOINTS],
+    bone_points: Vec<[f32; 3]>,
+    hands_and_face: Vec<usize>,
+    expressions: Vec<ExpressiveBody>,
+}
+
+/// The canonical body of one expression.
+struct ExpressiveBody {
+    expression: [f32; 10],
+    mesh: TriangleMesh,
+    solid: SolidIndex,
+    sampler: SurfaceSampler,
+}
+
+impl<'a> CanonicalBody<'a> {
+    pub fn new(body: &'a BodyModel, labels: &PartLabels, betas: &[f32; 10], config: &Config) -> Result<Self> {
+        let joints = body.canonical_joints(betas)?;
+        let mut random = ChaCha8Rng::seed_from_u64(config.seed);
+        let mut expression = [0.0; 10];
+        let mut expressions = Vec::with_capacity(EXPRESSIONS);
+        for _ in 0..EXPRESSIONS {
+            let mut mesh = body.mesh(body.canonical_vertices(betas, &expression)?);
+            mesh.normals = Some(mesh.vertex_normals());
+            let (solid, sampler) = (SolidIndex::new(&mesh)?, SurfaceSampler::new(&mesh, None)?);
+            expressions.push(ExpressiveBody { expression, mesh, solid, sampler });
+            expression = std::array::from_fn(|_| random.sample::<f32, _>(StandardNormal));
+        }
+        let points_a_bone = config.losses.bone_points;
+        Ok(Self {
+            weights: body.skinning_weights(),
+            vertices: expressions[0].mesh.vertices.iter().map(Vec3::to_array).collect(),
+            bone_points: Bone::of_joints(&joints)
+                .iter()
+                .flat_map(|bone| bone.points(points_a_bone))
+                .map(|p| p.to_array())
+                .collect(),
+            joints,
+            hands_and_face: (0..labels.parts.len()).filter(|vertex| labels.parts[*vertex] != Part::Body).collect(),
+            expressions,
+        })
+    }
+
+    /// The terms that every frame shares: bones, joints, and the weights of `count` vertices of hands and face.
+    pub fn anchor(&self, count: usize, random: &mut ChaCha8Rng, batch: &mut CanonicalBatch<f32>) {
+        batch.bone_points.clone_from(&self.bone_points);
+        batch.joint_weights = WeightTargets {
+            points: self.joints.iter().map(Vec3::to_array).collect(),
+            weights: (0..JOINTS).flat_map(joint_weights).collect(),
+        };
+        let mut targets = WeightTargets::default();
+        for _ in 0..count.min(self.hands_and_face.len()) {
+            let vertex = self.hands_and_face[random.random_range(0..self.hands_and_face.len())];
+            targets.points.push(self.vertices[vertex]);
+            targets.weights.extend_from_slice(&self.weights[vertex * JOINTS..(vertex + 1) * JOINTS]);
+        }
+        batch.surface_weights = targets;
+    }
+
+    /// Points N(0, deviation^2) around random canonical vertices.
+    pub fn around(&self, count: usize, deviation: f32, random: &mut ChaCha8Rng) -> Vec<[f32; 3]> {
+        let mut point = || {
+            let vertex = self.vertices[random.random_range(0..self.vertices.len())];
+            vertex.map(|coordinate| coordinate + deviation * random.sample::<f32, _>(StandardNormal))
+        };
+        (0..count).map(|_| point()).collect()
+    }
+
+    /// The batch of one step of stage 0.
+    pub fn batch(&self, config: &Config, random: &mut ChaCha8Rng) -> CanonicalBatch<f32> {
+        let body = &self.expressions[random.random_range(0..self.expressions.len())];
+        let settings = &config.sampling;
+        let mut batch = CanonicalBatch { bones: vec![IDENTITY; JOINTS], ..CanonicalBatch::default() };
+        let angles = CONDITION - body.expression.len();
+        batch.condition.extend((0..angles).map(|_| POSE_SPREAD * random.sample::<f32, _>(StandardNormal)));
+        batch.condition.extend(body.expression);
+        self.anchor(0, random, &mut batch);
+
+        let mut off = Vec::with_capacity(settings.points + settings.uniform_points);
+        for index in 0..settings.points {
+            let place = body.sampler.sample(random);
+            let position = body.mesh.position_at(&place);
+            // Every other point: half of the samples on the surface is enough for normals.
+            if index % 2 == 0 {
+                batch.on_points.push(position.to_array());
+                batch.on_normals.push(body.mesh.normal_at(&place).to_array());
+                batch.on_colours.push([0.5; 3]);
+            }
+            let wide = index % 4 == 3;
+            let deviation = if wide { settings.wide_deviation } else { settings.deviation };
+            off.push(position + deviation * Vec3::from_array(std::array::from_fn(|_| random.sample(StandardNormal))));
+        }
+        let extent = settings.extent;
+        off.extend(
+            (0..settings.uniform_points)
+                .map(|_| Vec3::from_array(std::array::from_fn(|_| random.random_range(-extent..extent)))),
+        );
+        let target = |point: &Vec3| match config.fields.representation {
+            Representation::Occupancy => f32::from(body.solid.is_inside(*point)),
+            Representation::SignedDistance => body.solid.signed_distance(*point).0,
+        };
+        batch.off_targets = off.par_iter().map(target).collect();
+        batch.off_points = off.iter().map(Vec3::to_array).collect();
+
+        for _ in 0..WEIGHT_POINTS {
+            let vertex = random.random_range(0..self.vertices.len());
+            let near = self.vertices[vertex].map(|x| x + WEIGHT_SPREAD * random.sample::<f32, _>(StandardNormal));
+            batch.surface_weights.points.push(near);
+            batch.surface_weights.weights.extend_from_slice(&self.weights[vertex * JOINTS..(vertex + 1) * JOINTS]);
+        }
+        batch.eikonal_points = self.around(config.losses.eikonal_points, settings.wide_deviation, random);
+        batch
+    }
+
+    /// Stage 0's losses: the configured ones without colour.
+    pub fn losses(losses: &LossSettings) -> LossSettings {
+        LossSettings { colour: 0.0, ..losses.clone() }
+    }
+
+    /// The box around the canonical body, `margin` metres larger on all sides.
+    pub fn bounds(&self, margin: f32) -> (Vec3, Vec3) {
+        let corner = |fold: fn(Vec3, Vec3) -> Vec3, start: Vec3| {
+            self.vertices.iter().map(|vertex| Vec3::from_array(*vertex)).fold(start, fold)
+        };
+        (corner(Vec3::min, Vec3::INFINITY) - margin, corner(Vec3::max, Vec3::NEG_INFINITY) + margin)
+    }
+
+    /// The canonical joints.
+    pub fn joints(&self) -> &[Vec3; JOINTS] {
+        &self.joints
+    }
+}

@@ -1,0 +1,106 @@
+//! Part-aware sampling of one frame (thesis ch. 4.2.4, METHOD section 4).
+//!
+//! P_on: points of each region's surface, with normal and colour. P_off: the same points moved by normal noise, plus points
+//! uniform in a cube; with occupancy, or signed distance, from the region's own solid.
+
+use glam::Vec3;
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use rayon::prelude::*;
+use xavatar_network::Representation;
+
+use super::prepared::{PreparedFrame, Source};
+use crate::config::{SamplingSettings, SamplingStrategy};
+use crate::correspondence::part_label;
+use crate::mesh::SurfacePoint;
+
+/// Points of one posed frame.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PosedSamples {
+    pub on_points: Vec<[f32; 3]>,
+    pub on_normals: Vec<[f32; 3]>,
+    pub on_colours: Vec<[f32; 3]>,
+    pub on_labels: Vec<u8>,
+    pub off_points: Vec<[f32; 3]>,
+    pub off_targets: Vec<f32>,
+    pub off_labels: Vec<u8>,
+}
+
+struct OnSurface {
+    source: Source,
+    label: u8,
+    place: SurfacePoint,
+    off: Vec3,
+}
+
+/// Draws a frame's points.
+pub(super) fn draw(
+    frame: &PreparedFrame,
+    settings: &SamplingSettings,
+    representation: Representation,
+    random: &mut ChaCha8Rng,
+) -> PosedSamples {
+    let mut drawn = Vec::new();
+    for region in &frame.regions {
+        let mesh = &frame.surface(region.source).mesh;
+        for _ in 0..(region.share * settings.points as f64).round() as usize {
+            let place = region.sampler.sample(random);
+            let position = mesh.position_at(&place);
+            let label = match settings.strategy {
+                SamplingStrategy::PartAware => region.part,
+                SamplingStrategy::Uniform => frame.registration.nearest(position).0,
+            };
+            let wide = random.random::<f32>() < settings.wide_share;
+            let deviation = if wide { settings.wide_deviation } else { settings.deviation };
+            let noise = Vec3::from_array(std::array::from_fn(|_| random.sample(StandardNormal)));
+            let off = position + deviation * noise;
+            drawn.push(OnSurface { source: region.source, label: part_label(label), place, off });
+        }
+    }
+    let uniform: Vec<Vec3> = (0..settings.uniform_points)
+        .map(|_| Vec3::from_array(std::array::from_fn(|_| random.random_range(-settings.extent..settings.extent))))
+        .collect();
+
+    let target = |source: Source, point: Vec3| {
+        let solid = &frame.surface(source).solid;
+        match representation {
+            Representation::Occupancy => f32::from(solid.is_inside(point)),
+            Representation::SignedDistance => solid.signed_distance(point).0,
+        }
+    };
+    let looked_up: Vec<_> = drawn
+        .par_iter()
+        .map(|sample| {
+            let mesh = &frame.surface(sample.source).mesh;
+            let position = mesh.position_at(&sample.place);
+            let on_scan = match sample.source {
+                Source::Scan => sample.place,
+                Source::Registration => frame.scan.solid.surface().closest(position).surface_point(),
+            };
+            let colour = frame.scan.mesh.colour_at(&on_scan).unwrap_or(Vec3::splat(0.5));
+            (position, mesh.normal_at(&sample.place), colour, target(sample.source, sample.off))
+        })
+        .collect();
+    let far: Vec<_> = uniform
+        .par_iter()
+        .map(|point| (target(Source::Scan, *point), part_label(frame.registration.nearest(*point).0)))
+        .collect();
+
+    let mut samples = PosedSamples::default();
+    for (sample, (position, normal, colour, target)) in drawn.iter().zip(looked_up) {
+        samples.on_points.push(position.to_array());
+        samples.on_normals.push(normal.to_array());
+        samples.on_colours.push(colour.to_array());
+        samples.on_labels.push(sample.label);
+        samples.off_points.push(sample.off.to_array());
+        samples.off_targets.push(target);
+        samples.off_labels.push(sample.label);
+    }
+    for (point, (target, label)) in uniform.iter().zip(far) {
+        samples.off_points.push(point.to_array());
+        samples.off_targets.push(target);
+        samples.off_labels.push(label);
+    }
+    samples
+}
