@@ -235,7 +235,8 @@ fn height(vertices: &[Vec3]) -> f32 {
 }
 
 fn distances(measured: &[Measurement]) -> BTreeMap<&'static str, DistanceReport> {
-    let names = [("body", Part::Body), ("face", Part::Face), ("left hand", Part::LeftHand), ("right hand", Part::RightHand)];
+    let names =
+        [("body", Part::Body), ("face", Part::Face), ("left hand", Part::LeftHand), ("right hand", Part::RightHand)];
     let report = |part: Option<Part>| {
         let of_part = |frame: &Measurement| {
             let points = frame.to_body.iter().filter(|(found, _)| part.is_none_or(|part| *found == part));
