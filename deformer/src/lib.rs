@@ -10,6 +10,7 @@ mod error;
 mod groups;
 mod implicit;
 mod normals;
+mod plan;
 mod search;
 mod skinning;
 #[cfg(test)]

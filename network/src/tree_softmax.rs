@@ -34,7 +34,12 @@ pub(crate) struct Lanes<T>(pub [T; LANES]);
 impl<T: Real> Lanes<T> {
     #[inline(always)]
     fn map(self, function: impl Fn(T) -> T) -> Self {
-        Self(self.0.map(function))
+        // A loop, because `array::map` is not inlined and so would be compiled without the caller's vectors.
+        let mut result = self.0;
+        for value in &mut result {
+            *value = function(*value);
+        }
+        Self(result)
     }
 
     #[inline(always)]

@@ -33,8 +33,8 @@ enum SparseLayout {
 }
 
 fn sparse_layout(class: &str) -> Option<SparseLayout> {
-    let (_, name) = class.strip_prefix("scipy.sparse.")?.rsplit_once('.').or(class.rsplit_once('.'))?;
-    match name {
+    // The module between package and class differs between versions: `csc`, `_csc`, or none.
+    match class.strip_prefix("scipy.sparse.")?.rsplit('.').next()? {
         "csr_matrix" | "csr_array" => Some(SparseLayout::Rows),
         "csc_matrix" | "csc_array" => Some(SparseLayout::Columns),
         _ => None,
