@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use xavatar::avatar::Avatar;
 use xavatar::body::{BodyModel, Gender};
 use xavatar::config::Config;
-use xavatar::data::{FrameId, FrameSource, ScanFrame, write_npz, write_subject};
+use xavatar::data::{FrameId, FrameSource, ScanFrame, write_npz, write_pickle, write_subject};
 use xavatar::evaluate::Evaluation;
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::mesh::{TriangleMesh, write_ply};
@@ -65,7 +65,7 @@ const SMOKE: Size = Size {
     samples: 2000,
     picture: (120, 200),
     settings: &[
-        ("schedule.steps", "20"),
+        ("schedule.steps", "12"),
         ("schedule.pretraining_steps", "20"),
         ("schedule.checkpoint_steps", "10"),
         ("sampling.points", "600"),
@@ -184,6 +184,7 @@ fn write_data(folder: &Path, size: &Size) -> anyhow::Result<Outcome> {
         .map(|(split, index, count)| subject.frame(split, index, count));
     write_subject(folder, Gender::Neutral, &subject.betas(), frames)?;
     write_npz(body.join("SMPLX_NEUTRAL.npz"), subject.model_arrays())?;
+    write_pickle(body.join("neutral_vertex_labels.pkl"), &subject.part_labels().to_vertex_labels())?;
     let (data, body) = (folder.display(), body.display());
     println!("{data}");
     eprintln!(

@@ -21,8 +21,8 @@ const MEASURED: usize = 16;
 /// Points per frame whose distances are measured.
 const POINTS: usize = 4000;
 const MILLIMETRES: f32 = 1000.0;
-/// The other hand convention is taken for the true one if it brings the hands nearer by this factor, and by this much.
-const CLEARLY_NEARER: (f32, f32) = (0.7, 1.5);
+/// The other hand convention is taken for the true one if it brings the hands nearer by this factor, and by so many millimetres.
+const CLEARLY_NEARER: (f32, f32) = (0.7, 0.5);
 /// A registration farther from its scan than this (median) is not of it, millimetres.
 const UNRELATED: f32 = 100.0;
 /// Heights of people, metres.
