@@ -1,2 +1,7 @@
-//! a
-fn main() {}
+//! The `xavatar` command: trains, measures, poses and exports animatable avatars. `xavatar --help` shows the verbs.
+
+mod cli;
+
+fn main() -> std::process::ExitCode {
+    cli::main()
+}

@@ -21,7 +21,10 @@ pub(super) struct BlendShapes {
 
 impl BlendShapes {
     /// Takes `columns` of the file's (V, 3, `stride`) array.
-    pub(super) fn from_columns(values: &[f64], stride: usize, columns: impl Iterator<Item = usize>) -> Self {
+    pub(super) fn from_columns<T>(values: &[T], stride: usize, columns: impl Iterator<Item = usize>) -> Self
+    where
+        T: Copy + Sync + Into<f64>,
+    {
         let columns: Vec<usize> = columns.collect();
         let directions = columns
             .par_chunks(COLUMNS_PER_PASS)
@@ -29,7 +32,7 @@ impl BlendShapes {
                 let mut directions = vec![Vec::with_capacity(values.len() / stride); columns.len()];
                 for row in values.chunks_exact(stride) {
                     for (direction, column) in directions.iter_mut().zip(columns) {
-                        direction.push(row[*column] as f32);
+                        direction.push(row[*column].into() as f32);
                     }
                 }
                 directions.into_iter().map(|row| if row.iter().all(|offset| *offset == 0.0) { Vec::new() } else { row })

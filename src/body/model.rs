@@ -110,7 +110,7 @@ impl BodyModel {
         let joint_shapes = (0..JOINTS).map(|joint| std::array::from_fn(|shape| by_column[shape][joint])).collect();
         let shapes = BlendShapes::from_columns(&directions, columns, shape_columns());
 
-        let (correctives, _) = file.floats("posedirs", &[vertices, 3, POSE_FEATURES])?;
+        let correctives = file.floats_f32("posedirs", &[vertices, 3, POSE_FEATURES])?;
         Ok(Self {
             path: path.to_path_buf(),
             template: template
@@ -254,7 +254,10 @@ mod tests {
 
     #[test]
     fn numbers_that_cannot_be_are_refused() {
-        assert!(message_with("v_template", &[VERTICES, 3], f64::NAN).contains("v_template is NaN at element 0"));
+        assert!(
+            message_with("v_template", &[VERTICES, 3], f64::NAN)
+                .contains("v_template is not a finite number at element 0")
+        );
         assert!(message_with("posedirs", &[VERTICES, 3, POSE_FEATURES], 1e300).contains("posedirs is"));
         assert!(message_with("weights", &[VERTICES, JOINTS], 0.5).contains("weights[0] is a row with sum 27.5"));
         assert!(message_with("J_regressor", &[JOINTS, VERTICES], 0.0).contains("J_regressor[0]"));

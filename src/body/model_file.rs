@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use super::skeleton::{JOINTS, PARENTS};
-use crate::data::{ArrayData, ArrayMap};
+use crate::data::{Array, ArrayMap};
 use crate::{Error, Result};
 
 /// How far a convex combination read from a file may sum from 1: f32 rounding over 55 joints, with a margin.
@@ -40,29 +40,42 @@ impl ModelFile<'_> {
     }
 
     /// The finite numbers of `key`, whose shape has to be `shape` (0 = any extent), and that shape.
-    pub(super) fn floats(&self, key: &str, shape: &[usize]) -> Result<(Vec<f64>, Vec<usize>)> {
+    pub(super) fn floats(&self, key: &str, shape: &[usize]) -> Result<(Vec<f64>, &[usize])> {
+        let array = self.array(key, shape)?;
+        let values = array.to_f64().ok_or_else(|| self.malformed(key, "text", "numbers"))?;
+        // f32 is what the values become; a number beyond it would silently turn infinite.
+        self.require_sound(key, array, values.iter().map(|value| *value as f32))?;
+        Ok((values, &array.shape))
+    }
+
+    /// As [`floats`](Self::floats), in half the memory: for the largest array.
+    pub(super) fn floats_f32(&self, key: &str, shape: &[usize]) -> Result<Vec<f32>> {
+        let array = self.array(key, shape)?;
+        let values = array.to_f32().ok_or_else(|| self.malformed(key, "text", "numbers"))?;
+        self.require_sound(key, array, values.iter().copied())?;
+        Ok(values)
+    }
+
+    fn array(&self, key: &str, shape: &[usize]) -> Result<&Array> {
         let array = self.arrays.get(key).ok_or_else(|| self.malformed(key, "absent", shape_text(shape)))?;
         let fits = array.shape.len() == shape.len()
             && array.shape.iter().zip(shape).all(|(found, wanted)| *wanted == 0 || found == wanted);
         if !fits {
-            return Err(self.malformed(key, format!("of shape {}", shape_text(&array.shape)), shape_text(shape)));
+            return Err(self.malformed(key, array.description(), shape_text(shape)));
         }
-        let values: Vec<f64> = match &array.data {
-            ArrayData::U8(values) => values.iter().map(|value| f64::from(*value)).collect(),
-            ArrayData::I64(values) => values.iter().map(|value| *value as f64).collect(),
-            ArrayData::F32(values) => values.iter().map(|value| f64::from(*value)).collect(),
-            ArrayData::F64(values) => values.clone(),
-            ArrayData::Text(_) => return Err(self.malformed(key, "text", "numbers")),
-        };
+        Ok(array)
+    }
+
+    /// As many elements as the shape says, all finite.
+    fn require_sound(&self, key: &str, array: &Array, values: impl ExactSizeIterator<Item = f32>) -> Result<()> {
         let elements = array.shape.iter().try_fold(1usize, |product, extent| product.checked_mul(*extent));
         if elements != Some(values.len()) {
             return Err(self.malformed(key, format!("{} elements", values.len()), shape_text(&array.shape)));
         }
-        // f32 is what the values become; a number beyond it would silently turn infinite.
-        if let Some(at) = values.iter().position(|value| !(*value as f32).is_finite()) {
-            return Err(self.malformed(key, format!("{} at element {at}", values[at]), "finite numbers"));
+        match values.into_iter().position(|value| !value.is_finite()) {
+            Some(at) => Err(self.malformed(key, format!("not a finite number at element {at}"), "finite numbers")),
+            None => Ok(()),
         }
-        Ok((values, array.shape.clone()))
     }
 
     /// The faces `f` (F, 3), every index below `vertices`.

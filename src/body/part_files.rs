@@ -45,8 +45,8 @@ impl PartLabels {
         for (key, part) in lists.into_iter().chain(hands) {
             let list = arrays.get(key).ok_or_else(|| malformed(path, key, "absent", "a list of vertices"))?;
             for vertex in vertex_indices(path, key, list, vertices)? {
-                parts[vertex] = Some(part);
-                eyes_mouth[vertex] = key == "eyes_mouth";
+                parts[vertex as usize] = Some(part);
+                eyes_mouth[vertex as usize] = key == "eyes_mouth";
             }
         }
         let unlabelled = parts.iter().filter(|part| part.is_none()).count();
@@ -62,17 +62,36 @@ impl PartLabels {
         Ok(Self { parts, eyes_mouth, source: PartLabelSource::VertexLabels(path.to_path_buf()) })
     }
 
+    /// The dictionary that [`from_vertex_labels`](Self::from_vertex_labels) reads: five lists that share no vertex.
+    pub fn to_vertex_labels(&self) -> ArrayMap {
+        let list = |wanted: &dyn Fn(usize) -> bool| {
+            let vertices: Vec<i64> = (0..self.parts.len()).filter(|v| wanted(*v)).map(|v| v as i64).collect();
+            Array { shape: vec![vertices.len()], data: ArrayData::I64(vertices) }
+        };
+        let of_part = |part: Part| list(&|vertex| self.parts[vertex] == part && !self.eyes_mouth[vertex]);
+        [
+            ("body", of_part(Part::Body)),
+            ("face", of_part(Part::Face)),
+            ("left_hand", of_part(Part::LeftHand)),
+            ("right_hand", of_part(Part::RightHand)),
+            ("eyes_mouth", list(&|vertex| self.eyes_mouth[vertex])),
+        ]
+        .into_iter()
+        .map(|(key, vertices)| (key.to_owned(), vertices))
+        .collect()
+    }
+
     /// Replaces hands and face by the official lists; eyeballs stay what the skinning weights say.
     fn use_mano_and_flame(&mut self, mano: (&Path, &ArrayMap), flame: (&Path, &Array)) -> Result<()> {
         let vertices = self.parts.len();
         self.parts.fill(Part::Body);
         for vertex in vertex_indices(flame.0, "the array", flame.1, vertices)? {
-            self.parts[vertex] = Part::Face;
+            self.parts[vertex as usize] = Part::Face;
         }
         for (key, part) in [("left_hand", Part::LeftHand), ("right_hand", Part::RightHand)] {
             let list = mano.1.get(key).ok_or_else(|| malformed(mano.0, key, "absent", "a list of vertices"))?;
             for vertex in vertex_indices(mano.0, key, list, vertices)? {
-                self.parts[vertex] = part;
+                self.parts[vertex as usize] = part;
             }
         }
         Ok(())
@@ -93,19 +112,9 @@ fn vertex_labels_in(folder: &Path, gender: Option<Gender>) -> Option<PathBuf> {
     candidates.into_iter().next()
 }
 
-fn vertex_indices(path: &Path, key: &str, array: &Array, vertices: usize) -> Result<Vec<usize>> {
-    let ArrayData::I64(values) = &array.data else {
-        return Err(malformed(path, key, "not an array of integers", "vertex indices"));
-    };
-    let index = |value: &i64| usize::try_from(*value).ok().filter(|vertex| *vertex < vertices);
-    values
-        .iter()
-        .map(|value| {
-            index(value).ok_or_else(|| {
-                malformed(path, key, format!("{value} somewhere"), format!("vertex indices below {vertices}"))
-            })
-        })
-        .collect()
+fn vertex_indices(path: &Path, key: &str, array: &Array, vertices: usize) -> Result<Vec<u32>> {
+    let indices = array.to_indices(vertices);
+    indices.ok_or_else(|| malformed(path, key, array.description(), format!("vertex indices below {vertices}")))
 }
 
 fn malformed(path: &Path, place: &str, found: impl Into<String>, expected: impl Into<String>) -> Error {
@@ -121,6 +130,7 @@ fn malformed(path: &Path, place: &str, found: impl Into<String>, expected: impl 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::JOINTS;
 
     fn list(indices: &[i64]) -> Array {
         Array { shape: vec![indices.len()], data: ArrayData::I64(indices.to_vec()) }
@@ -139,6 +149,7 @@ mod tests {
         assert_eq!(labels.parts, [Body, Body, Face, Face, Face, LeftHand, RightHand]);
         assert_eq!(labels.eyes_mouth, [false, false, false, false, true, false, false]);
         assert_eq!(labels.vertices_of(Face), [2, 3, 4]);
+        assert_eq!(labels.to_vertex_labels(), lists());
     }
 
     #[test]
@@ -146,13 +157,27 @@ mod tests {
         let refused = |lists: &ArrayMap, vertices| {
             PartLabels::from_vertex_labels(Path::new("a.pkl"), lists, vertices).unwrap_err().to_string()
         };
-        assert!(refused(&lists(), 6).contains("right_hand is 6 somewhere, expected vertex indices below 6"));
+        assert!(refused(&lists(), 6).contains("right_hand is integer (1), expected vertex indices below 6"));
         assert!(refused(&lists(), 9).contains("without a label for 2 of 9"));
         let mut broken = lists();
         broken.insert("face".into(), list(&[-1]));
-        assert!(refused(&broken, 7).contains("face is -1"));
+        assert!(refused(&broken, 7).contains("face is integer (1), expected"));
         broken.remove("face");
         assert!(refused(&broken, 7).contains("face is absent"));
+    }
+
+    // Official lists overlap at the neck and the wrists.
+    #[test]
+    fn hands_win_over_the_face_and_the_face_over_the_body() {
+        let mut weights = vec![0.0; 4 * JOINTS];
+        [9, 15, 20, 23].into_iter().enumerate().for_each(|(vertex, joint)| weights[vertex * JOINTS + joint] = 1.0);
+        let mut labels = PartLabels::from_skinning_weights(&weights);
+        let mano = [("left_hand".to_owned(), list(&[2])), ("right_hand".to_owned(), list(&[]))].into_iter().collect();
+        let (mano_path, flame_path) = (Path::new(MANO_IDS), Path::new(FLAME_IDS));
+        labels.use_mano_and_flame((mano_path, &mano), (flame_path, &list(&[0, 2, 3]))).unwrap();
+        assert_eq!(labels.parts, [Part::Face, Part::Body, Part::LeftHand, Part::Face]);
+        assert_eq!(labels.eyes_mouth, [false, false, false, true]);
+        assert!(labels.use_mano_and_flame((mano_path, &mano), (flame_path, &list(&[4]))).is_err());
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! Files -> arrays -> frames. Nothing here knows about training.
 
 mod array;
-
+mod check;
 mod element;
 mod fault;
 mod fields;
@@ -14,6 +14,7 @@ mod pickle;
 mod xhumans;
 
 pub use array::{Array, ArrayData, ArrayMap};
+pub use check::{CheckReport, DistanceReport, HandReport, SequenceReport, UnusableFrame, check};
 pub use motion::{Motion, read_motion, write_motion};
 pub use npy::read_npy;
 pub use npz::{read_npz, write_npz};

@@ -11,7 +11,7 @@ use super::directions::LeftView;
 use super::flesh::Flesh;
 use super::model::Mannequin;
 use super::recipe::{Garment, Paint, Recipe, Wrinkle, joint_index, twin};
-use super::surface::{Subdivision, vertex_normals};
+use super::surface::Subdivision;
 use crate::Result;
 use crate::body::{JOINTS, skin};
 use crate::mesh::{Colouring, TriangleMesh};
@@ -52,7 +52,9 @@ impl DressedSurface {
             |start, end| start.distance(end) > longest((start + end) / 2.0),
             |point| flesh.onto_surface(point),
         );
-        let normals = vertex_normals(&skin, &subdivision.faces);
+        let bare = TriangleMesh { vertices: skin, faces: subdivision.faces.clone(), ..TriangleMesh::default() };
+        let normals = bare.vertex_normals();
+        let skin = bare.vertices;
         let rows = subdivision.spread(&mannequin.weights, |a, b| {
             std::array::from_fn::<f32, JOINTS, _>(|joint| (a[joint] + b[joint]) / 2.0)
         });
@@ -94,13 +96,14 @@ impl DressedSurface {
         }
         skin(&mut vertices, &self.weights, transforms);
         vertices.iter_mut().for_each(|vertex| *vertex += translation);
-        let normals = vertex_normals(&vertices, &self.subdivision.faces);
-        TriangleMesh {
+        let mut scan = TriangleMesh {
             vertices,
             faces: self.subdivision.faces.clone(),
-            normals: Some(normals),
+            normals: None,
             colouring: Colouring::Vertex(self.colours.clone()),
-        }
+        };
+        scan.normals = Some(scan.vertex_normals());
+        scan
     }
 }
 

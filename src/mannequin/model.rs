@@ -9,7 +9,6 @@ use super::directions::{LeftView, bulge_direction, expression_direction, shape_d
 use super::flesh::Flesh;
 use super::recipe::{Hands, Recipe};
 use super::rig::{WeightRows, add_eyeball, regressor_row, skinning_weights};
-use super::surface::vertex_normals;
 use crate::Result;
 use crate::body::{JOINTS, PARENTS};
 use crate::data::{Array, ArrayData, ArrayMap};
@@ -48,7 +47,7 @@ impl Mannequin {
     pub(super) fn arrays(&self, recipe: &Recipe) -> Result<ArrayMap> {
         let vertices = &self.mesh.vertices;
         let count = vertices.len();
-        let normals = vertex_normals(vertices, &self.mesh.faces);
+        let normals = self.mesh.vertex_normals();
         let views: Vec<LeftView> =
             (0..count).map(|vertex| LeftView::of(vertices[vertex], normals[vertex], &self.weights[vertex])).collect();
 

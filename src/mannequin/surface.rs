@@ -1,4 +1,4 @@
-//! What a triangle mesh's connectivity gives: neighbours, normals, subdivision.
+//! What a triangle mesh's connectivity gives: neighbours, and a subdivision that halves long edges.
 
 use std::collections::HashMap;
 
@@ -18,19 +18,6 @@ pub(super) fn neighbours(vertices: usize, faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
         around.dedup();
     }
     neighbours
-}
-
-/// Unit vertex normals (V), outward, area-weighted.
-pub(super) fn vertex_normals(vertices: &[Vec3], faces: &[[u32; 3]]) -> Vec<Vec3> {
-    let mut normals = vec![Vec3::ZERO; vertices.len()];
-    for face in faces {
-        let [a, b, c] = face.map(|corner| vertices[corner as usize]);
-        let area = (b - a).cross(c - a);
-        for corner in face {
-            normals[*corner as usize] += area;
-        }
-    }
-    normals.into_iter().map(|normal| normal.normalize_or(Vec3::Y)).collect()
 }
 
 /// A mesh whose long edges were halved. Vertices of the mesh come first; each further one is the middle of two before it.
@@ -103,5 +90,48 @@ fn split([a, b, c]: [u32; 3], middles: [Option<u32>; 3]) -> Vec<[u32; 3]> {
         [Some(ab), Some(bc), Some(ca)] => vec![[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]],
         // The remaining cases are those above with the corners turned by one.
         [ab, bc, ca] => split([b, c, a], [bc, ca, ab]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Topology, TriangleMesh};
+
+    /// An octahedron, one of whose corners is far away.
+    fn spike() -> TriangleMesh {
+        let vertices = vec![Vec3::X * 4.0, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
+        let faces = vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+        TriangleMesh { vertices, faces, ..TriangleMesh::default() }
+    }
+
+    #[test]
+    fn subdivision_leaves_short_edges_alone_and_closed_meshes_closed() {
+        let mesh = spike();
+        let volume = mesh.volume();
+        for limit in [0.3, 0.8, 1.5, 3.0, 9.0] {
+            let mut vertices = mesh.vertices.clone();
+            let too_long = |start: Vec3, end: Vec3| start.distance(end) > limit;
+            let subdivision = Subdivision::of(&mesh.faces, &mut vertices, too_long, |point| point);
+            let spread = subdivision.spread(&mesh.vertices, |a, b| (a + b) / 2.0);
+            assert_eq!(spread, vertices);
+            let fine = TriangleMesh { vertices, faces: subdivision.faces, ..TriangleMesh::default() };
+            assert!(Topology::of(&fine).is_watertight());
+            assert_eq!(Topology::of(&fine).euler_characteristic(), 2);
+            assert!((fine.volume() - volume).abs() < 1e-5);
+            assert_eq!(fine.faces.len() > mesh.faces.len(), limit < 4.0);
+            let edges = fine.faces.iter().flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]);
+            let longest = edges.map(|ends| ends.map(|v| fine.vertices[*v as usize])).map(|[a, b]| a.distance(b));
+            assert!(longest.fold(0.0, f32::max) <= limit.max(0.32));
+        }
+    }
+
+    #[test]
+    fn neighbours_are_mutual() {
+        let neighbours = neighbours(6, &spike().faces);
+        assert_eq!(neighbours[0], [2, 3, 4, 5]);
+        for (vertex, around) in neighbours.iter().enumerate() {
+            assert!(around.iter().all(|other| neighbours[*other as usize].contains(&(vertex as u32))));
+        }
     }
 }

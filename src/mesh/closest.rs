@@ -1,6 +1,6 @@
 //! The closest point of a mesh's surface, exactly, through a bounding volume hierarchy.
 //!
-//! N query points; metres. Faces of no area are edges or points. About 1 us a query near a body scan of 42,000 faces.
+//! N query points; metres. Faces of no area are edges or points. 1 to 2 us a query near a body scan of 42,000 faces.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -118,6 +118,9 @@ impl SurfaceIndex {
 fn closest_on_triangle(triangle: &Triangle, point: Vec3) -> [f32; 2] {
     let [ab, ac] = triangle.sides;
     let ap = point - triangle.corner;
+    if triangle.is_sliver {
+        return closest_on_sides(triangle.sides, ap);
+    }
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {
         return [0.0, 0.0];
@@ -147,6 +150,15 @@ fn closest_on_triangle(triangle: &Triangle, point: Vec3) -> [f32; 2] {
     }
     let sum = va + vb + vc;
     [ratio(vb, sum), ratio(vc, sum)]
+}
+
+/// The same on the three sides alone; `ap` leads from the first corner to the point.
+fn closest_on_sides([ab, ac]: [Vec3; 2], ap: Vec3) -> [f32; 2] {
+    let along = |from: Vec3, side: Vec3| ratio((ap - from).dot(side), side.length_squared());
+    let on_bc = along(ab, ac - ab);
+    let candidates = [[along(Vec3::ZERO, ab), 0.0], [0.0, along(Vec3::ZERO, ac)], [1.0 - on_bc, on_bc]];
+    let distance = |[v, w]: [f32; 2]| (ab * v + ac * w).distance_squared(ap);
+    candidates.into_iter().fold(candidates[0], |best, next| if distance(next) < distance(best) { next } else { best })
 }
 
 /// part / whole in [0, 1]; 0 of nothing.
@@ -218,6 +230,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(4096) })]
+
         // Coordinates on a coarse grid make many triangles without area.
         #[test]
         fn any_triangle_is_as_far_as_in_double_precision(grid in proptest::array::uniform12(-2i8..=2), shift in 0f32..0.01) {

@@ -53,6 +53,20 @@ pub(super) struct Triangle {
     pub(super) corner: Vec3,
     pub(super) sides: [Vec3; 2],
     pub(super) face: u32,
+    /// Whether it is all but an edge or a point, where the sign of an area says nothing.
+    pub(super) is_sliver: bool,
+}
+
+impl Triangle {
+    fn new(mesh: &TriangleMesh, face: u32) -> Self {
+        /// Height over longest side.
+        const SLIMMEST: f32 = 1e-3;
+        let [a, b, c] = mesh.corners(face);
+        let sides = [b - a, c - a];
+        let longest_squared = sides[0].length_squared().max(sides[1].length_squared()).max(b.distance_squared(c));
+        let is_sliver = sides[0].cross(sides[1]).length() <= SLIMMEST * longest_squared;
+        Self { corner: a, sides, face, is_sliver }
+    }
 }
 
 pub(super) struct Hierarchy {
@@ -74,11 +88,7 @@ impl Hierarchy {
         let mut items: Vec<Item> = (0..mesh.faces.len() as u32).map(|face| Item::new(mesh, face)).collect();
         let mut nodes = Vec::with_capacity(items.len());
         build(&mut nodes, &mut items, 0, 0);
-        let triangle = |item: &Item| {
-            let [a, b, c] = mesh.corners(item.face);
-            Triangle { corner: a, sides: [b - a, c - a], face: item.face }
-        };
-        let triangles = items.iter().map(triangle).collect();
+        let triangles = items.iter().map(|item| Triangle::new(mesh, item.face)).collect();
         Ok(Self { nodes, triangles })
     }
 }

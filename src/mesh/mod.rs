@@ -8,6 +8,7 @@ mod components;
 mod extract;
 mod fault;
 mod hierarchy;
+mod obj;
 mod ply;
 mod sampling;
 mod surface;
@@ -26,6 +27,7 @@ use image::RgbImage;
 pub use closest::{ClosestPoint, SurfaceIndex};
 pub use components::largest_component;
 pub use extract::{ExtractionGrid, FINEST_RESOLUTION, Sign, extract};
+pub use obj::{read_obj, write_obj};
 pub use ply::{read_ply, write_ply};
 pub use sampling::SurfaceSampler;
 pub use surface::SurfacePoint;
@@ -139,6 +141,7 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<TriangleMesh> {
     let path = path.as_ref();
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("ply") => read_ply(path),
+        Some("obj") => read_obj(path),
         extension => Err(Error::Mismatch {
             path: path.into(),
             found: extension.map_or("a file without extension".into(), |e| format!("a .{e} file")),

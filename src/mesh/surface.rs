@@ -83,6 +83,11 @@ fn weighted(point: &SurfacePoint, corners: [Vec3; 3]) -> Vec3 {
     corners[0] * u + corners[1] * v + corners[2] * w
 }
 
+/// A file's normal at unit length; one that is already unit to rounding stays bit for bit.
+pub(super) fn unit_normal(normal: Vec3) -> Vec3 {
+    if (normal.length_squared() - 1.0).abs() < 1e-5 { normal } else { normal.normalize_or_zero() }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

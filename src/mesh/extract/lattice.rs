@@ -116,7 +116,7 @@ mod tests {
         let points =
             || (0..size.z).flat_map(|z| (0..size.y).flat_map(move |y| (0..size.x).map(move |x| UVec3::new(x, y, z))));
         let mut lattice = SparseLattice::new(size, u32::MAX);
-        let written = |p: UVec3| (p.x + 2 * p.y + 3 * p.z) % 5 == 0;
+        let written = |p: UVec3| (p.x + 2 * p.y + 3 * p.z).is_multiple_of(5);
         for (index, point) in points().enumerate().filter(|&(_, p)| written(p)) {
             *lattice.entry(point) = index as u32;
         }

@@ -29,13 +29,17 @@ impl<'a> Body<'a> {
 
     /// The length of a list, checked against the bytes that are left.
     pub(super) fn list_length(&mut self, count: Scalar, item: Scalar) -> Parsed<usize> {
-        let place = self.place();
+        let position = self.position;
         let length = self.number(count)?;
         let smallest = if self.encoding == Encoding::Ascii { 2 } else { item.size() };
         // The last word of a file needs no separator after it.
         let most = (self.bytes_left() + 1) / smallest;
         if length < 0.0 || length > most as f64 {
-            return Err(Fault::new(place, format!("a list of {length}"), format!("at most the {most} that follow")));
+            return Err(Fault::new(
+                Self::place(position),
+                format!("a list of {length}"),
+                format!("at most the {most} that follow"),
+            ));
         }
         Ok(length as usize)
     }
@@ -50,12 +54,18 @@ impl<'a> Body<'a> {
         }
     }
 
-    pub(super) fn place(&self) -> String {
-        format!("byte {}", self.position)
+    /// Bytes from the start of the file.
+    pub(super) fn position(&self) -> usize {
+        self.position
+    }
+
+    /// A position as faults name it.
+    pub(super) fn place(position: usize) -> String {
+        format!("byte {position}")
     }
 
     fn end(&self) -> Fault {
-        Fault::new(self.place(), "the end of the file", "more numbers (is the file truncated?)")
+        Fault::new(Self::place(self.position), "the end of the file", "more numbers (is the file truncated?)")
     }
 
     fn binary(&mut self, scalar: Scalar, big_endian: bool) -> Parsed<f64> {
@@ -94,7 +104,9 @@ impl<'a> Body<'a> {
         let value = text
             .and_then(|text| text.parse::<f64>().ok())
             .filter(|value| !scalar.is_integer() || value.fract() == 0.0)
-            .ok_or_else(|| Fault::new(self.place(), format!("{:.40?}", String::from_utf8_lossy(word)), expected))?;
+            .ok_or_else(|| {
+                Fault::new(Self::place(self.position), format!("{:.40?}", String::from_utf8_lossy(word)), expected)
+            })?;
         self.position += length;
         Ok(value)
     }

@@ -8,6 +8,7 @@ use glam::{Vec2, Vec3};
 use super::body::Body;
 use super::header::{Element, Encoding, Header, Layout, Scalar, parse_header};
 use crate::mesh::fault::{Fault, Parsed};
+use crate::mesh::surface::unit_normal;
 use crate::mesh::texture::read_referenced_texture;
 use crate::mesh::{Colouring, TriangleMesh};
 use crate::{Error, Result};
@@ -146,11 +147,6 @@ fn finite_vector(values: [f32; 3], what: &str, index: usize) -> Parsed<Vec3> {
     Err(Fault::new(format!("vertex {index}"), format!("{what} {values:?}"), "finite numbers"))
 }
 
-/// Unit length; a normal that is already unit to rounding stays bit for bit.
-fn unit_normal(normal: Vec3) -> Vec3 {
-    if (normal.length_squared() - 1.0).abs() < 1e-5 { normal } else { normal.normalize_or_zero() }
-}
-
 fn read_faces(element: &Element, body: &mut Body) -> Parsed<Vec<[u32; 3]>> {
     let indices = ["vertex_indices", "vertex_index"].into_iter().find_map(|name| element.property(name));
     let Some(Layout::List { count, item }) = indices.map(|p| p.layout) else {
@@ -176,10 +172,10 @@ fn read_faces(element: &Element, body: &mut Body) -> Parsed<Vec<[u32; 3]>> {
 
 /// Adds a polygon as the fan of triangles around its first corner.
 fn read_polygon(count: Scalar, item: Scalar, body: &mut Body, faces: &mut Vec<[u32; 3]>) -> Parsed<()> {
-    let place = body.place();
+    let position = body.position();
     let length = body.list_length(count, item)?;
     if length < 3 {
-        return Err(Fault::new(place, format!("a face of {length} vertices"), "at least 3"));
+        return Err(Fault::new(Body::place(position), format!("a face of {length} vertices"), "at least 3"));
     }
     let (first, mut previous) = (read_index(item, body)?, read_index(item, body)?);
     for _ in 2..length {
@@ -191,10 +187,10 @@ fn read_polygon(count: Scalar, item: Scalar, body: &mut Body, faces: &mut Vec<[u
 }
 
 fn read_index(item: Scalar, body: &mut Body) -> Parsed<u32> {
-    let place = body.place();
+    let position = body.position();
     let index = body.number(item)?;
     if (0.0..=f64::from(u32::MAX)).contains(&index) {
         return Ok(index as u32);
     }
-    Err(Fault::new(place, format!("vertex index {index}"), "zero or more"))
+    Err(Fault::new(Body::place(position), format!("vertex index {index}"), "zero or more"))
 }

@@ -164,6 +164,8 @@ fn a_mesh_that_is_not_sound_is_not_written() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn arbitrary_bytes_after_a_valid_start_never_panic(tail in proptest::collection::vec(any::<u8>(), 0..200)) {
         for format in ["ascii", "binary_big_endian"] {

@@ -1,0 +1,229 @@
+//! `xavatar demo`: the whole path on the built-in subject, which needs no data: train, extract, measure, picture.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use rayon::prelude::*;
+use xavatar::avatar::Avatar;
+use xavatar::body::{BodyModel, Gender};
+use xavatar::config::Config;
+use xavatar::data::{FrameId, FrameSource, ScanFrame, write_npz, write_pickle, write_subject};
+use xavatar::evaluate::Evaluation;
+use xavatar::mannequin::{BuiltInSubject, Split};
+use xavatar::mesh::{TriangleMesh, write_ply};
+use xavatar::train::{Ending, Trainer};
+
+use super::gallery::Gallery;
+use super::progress::Progress;
+use super::{Outcome, outputs, stop};
+
+/// Train an avatar of a built-in subject, with no data, and show it in poses it has never seen
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    xavatar demo\n  \
+    xavatar demo --write-data mannequin && xavatar check mannequin --body mannequin/body\n\n\
+    A demo that was stopped goes on when the same command is given again.")]
+pub struct Demo {
+    /// Do the same with far fewer steps, frames and cells, to see that everything works
+    #[arg(long)]
+    smoke: bool,
+    /// The folder for the run, the meshes and the pictures: new or empty
+    #[arg(long, value_name = "DIR", default_value = "runs/demo")]
+    out: PathBuf,
+    /// Only write the subject as a data set, to try the other verbs on: scans in DIR, the body model in DIR/body
+    #[arg(long, value_name = "DIR", conflicts_with = "out")]
+    write_data: Option<PathBuf>,
+}
+
+/// How large a demo is.
+struct Size {
+    training_frames: usize,
+    unseen_frames: usize,
+    /// Cells along the longest side of the box around the body.
+    resolution: usize,
+    /// Points per surface that are measured.
+    samples: usize,
+    /// Columns and rows of one picture, pixels.
+    picture: (u32, u32),
+    /// What differs from the preset.
+    settings: &'static [(&'static str, &'static str)],
+}
+
+const FULL: Size = Size {
+    training_frames: 24,
+    unseen_frames: 5,
+    resolution: 224,
+    samples: Evaluation::SAMPLES,
+    picture: (300, 500),
+    settings: &[],
+};
+
+const SMOKE: Size = Size {
+    training_frames: 3,
+    unseen_frames: 1,
+    resolution: 64,
+    samples: 2000,
+    picture: (120, 200),
+    settings: &[
+        ("schedule.steps", "12"),
+        ("schedule.pretraining_steps", "20"),
+        ("schedule.checkpoint_steps", "10"),
+        ("sampling.points", "600"),
+    ],
+};
+
+impl Demo {
+    pub fn run(self) -> anyhow::Result<Outcome> {
+        let size = if self.smoke { &SMOKE } else { &FULL };
+        if let Some(folder) = &self.write_data {
+            return write_data(folder, size);
+        }
+        let resumes = self.resumes()?;
+        let subject = BuiltInSubject::new()?;
+        let frames = Filmed::new(&subject, Split::Train, size.training_frames)?;
+        let stop = stop::on_interrupt()?;
+        let (body, labels) = (subject.model(), subject.part_labels());
+        let mut progress = Progress::new();
+        let config = if resumes {
+            eprintln!("going on with the demo in {}", self.out.display());
+            Trainer::configuration(&self.out)?
+        } else {
+            let settings = size.settings.iter().map(|(key, value)| (key.to_string(), value.to_string()));
+            Config::preset_with("demo", &settings.collect::<Vec<_>>())?
+        };
+        let begin = if resumes { Trainer::resume } else { Trainer::start };
+        let mut trainer = begin(&config, &frames, body, labels, &self.out, &mut progress)?;
+        let ending = trainer.run(stop, &mut progress)?;
+        if ending == Ending::Stopped {
+            progress.finish();
+            eprintln!("stopped; the same command again goes on");
+            return Ok(Outcome::Stopped);
+        }
+        self.show(&trainer.avatar(), &subject, size, &mut progress)?;
+        Ok(Outcome::Done)
+    }
+
+    /// Written last: its presence says that the demo is complete.
+    fn metrics_file(&self) -> PathBuf {
+        self.out.join("metrics.json")
+    }
+
+    /// Whether the folder has a demo that was stopped; it must be new otherwise.
+    fn resumes(&self) -> anyhow::Result<bool> {
+        if outputs::is_new_or_empty(&self.out)? {
+            return Ok(false);
+        }
+        let config = self.out.join("config.toml");
+        if self.metrics_file().exists() || !config.exists() || Config::read(&config)?.preset != "demo" {
+            bail!("{}: the folder is not empty; remove it, or give another --out", self.out.display());
+        }
+        Ok(true)
+    }
+
+    /// Meshes, metrics and pictures of poses that were not trained on.
+    fn show(
+        &self,
+        avatar: &Avatar,
+        subject: &BuiltInSubject,
+        size: &Size,
+        progress: &mut Progress,
+    ) -> anyhow::Result<()> {
+        let meshes = self.out.join("meshes");
+        outputs::existing_folder(&meshes)?;
+        let unseen = Filmed::new(subject, Split::Test, size.unseen_frames)?;
+        let mut gallery = Gallery::new(size.picture);
+        let mut posed: Vec<TriangleMesh> = Vec::new();
+        for (index, frame) in unseen.frames.iter().enumerate() {
+            let share = index as f64 / (unseen.frames.len() + 1) as f64;
+            progress.show("meshes", share, &format!("unseen pose {}", index + 1));
+            let mesh =
+                avatar.extract_posed(subject.model(), subject.part_labels(), &frame.parameters, size.resolution)?.mesh;
+            write_ply(meshes.join(format!("unseen-f{:05}.ply", frame.id.number)), &mesh)?;
+            gallery.add_pose(&frame.scan, &mesh)?;
+            posed.push(mesh);
+        }
+        let canonical = BodyModel::canonical_parameters(&subject.betas());
+        let canonical = avatar.extract_canonical(&canonical, size.resolution)?.mesh;
+        write_ply(meshes.join("canonical.ply"), &canonical)?;
+        let picture = self.out.join("demo.png");
+        gallery.write(&canonical, &picture)?;
+
+        let evaluation = Evaluation {
+            body: subject.model(),
+            labels: subject.part_labels(),
+            baseline: None,
+            samples: size.samples,
+            seed: 0,
+        };
+        // Frames of one take are numbered from 1 in order.
+        let predict = |frame: &ScanFrame| Ok(posed[frame.id.number as usize - 1].clone());
+        let report = evaluation.run(unseen.frames.iter().cloned().map(Ok), predict, |frame| {
+            progress.show("metrics", 0.0, &frame.frame);
+        })?;
+        progress.finish();
+        outputs::write_json(&self.metrics_file(), &report)?;
+        println!("{} poses that were not trained on, against the subject's own surface\n{report}", posed.len());
+        println!("pictures {}", picture.display());
+        println!("meshes   {}", meshes.display());
+        println!("metrics  {}", self.metrics_file().display());
+        println!("avatar   {}", self.out.join(Avatar::FILE).display());
+        Ok(())
+    }
+}
+
+/// Writes the subject so that the other verbs can be tried on it.
+fn write_data(folder: &Path, size: &Size) -> anyhow::Result<Outcome> {
+    outputs::new_folder(folder, "give a new one")?;
+    let body = folder.join("body");
+    outputs::existing_folder(&body)?;
+    let subject = BuiltInSubject::new()?;
+    let takes = [(Split::Train, size.training_frames), (Split::Test, size.unseen_frames)];
+    let frames = takes
+        .into_iter()
+        .flat_map(|(split, count)| (0..count).map(move |index| (split, index, count)))
+        .map(|(split, index, count)| subject.frame(split, index, count));
+    write_subject(folder, Gender::Neutral, &subject.betas(), frames)?;
+    write_npz(body.join("SMPLX_NEUTRAL.npz"), subject.model_arrays())?;
+    write_pickle(body.join("neutral_vertex_labels.pkl"), &subject.part_labels().to_vertex_labels())?;
+    let (data, body) = (folder.display(), body.display());
+    println!("{data}");
+    eprintln!(
+        "try next\n  xavatar check {data} --body {body}\n  xavatar train {data} --body {body} --out runs/mannequin --minutes 5"
+    );
+    Ok(Outcome::Done)
+}
+
+/// One take of the built-in subject, in memory.
+struct Filmed {
+    frames: Vec<ScanFrame>,
+    ids: Vec<FrameId>,
+    betas: [f32; 10],
+}
+
+impl Filmed {
+    fn new(subject: &BuiltInSubject, split: Split, count: usize) -> anyhow::Result<Self> {
+        let frames: xavatar::Result<Vec<_>> =
+            (0..count).into_par_iter().map(|index| subject.frame(split, index, count)).collect();
+        let frames = frames.context("filming the built-in subject")?;
+        let ids = frames.iter().map(|frame| frame.id.clone()).collect();
+        Ok(Self { frames, ids, betas: subject.betas() })
+    }
+}
+
+impl FrameSource for Filmed {
+    fn ids(&self) -> &[FrameId] {
+        &self.ids
+    }
+
+    fn read(&self, index: usize) -> xavatar::Result<ScanFrame> {
+        Ok(self.frames[index].clone())
+    }
+
+    fn betas(&self) -> [f32; 10] {
+        self.betas
+    }
+
+    fn gender(&self) -> Gender {
+        Gender::Neutral
+    }
+}

@@ -1,0 +1,95 @@
+//! `xavatar eval`: an avatar against the scans of held-out frames.
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use xavatar::avatar::Avatar;
+use xavatar::evaluate::{Evaluation, SmplxD};
+
+use super::inputs::{SubjectArguments, SubjectFrames};
+use super::progress::Progress;
+use super::{Outcome, outputs};
+
+/// Measure an avatar against the scans of unseen frames
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  \
+    xavatar eval runs/00016 data/00016 --body models/smplx --split test --baseline smplx+d --json metrics.json")]
+pub struct Eval {
+    /// A run's folder or an avatar.safetensors
+    #[arg(value_name = "RUN_OR_AVATAR")]
+    avatar: PathBuf,
+    #[command(flatten)]
+    subject: SubjectArguments,
+    /// Which frames
+    #[arg(long, value_enum, default_value_t = Split::Test)]
+    split: Split,
+    /// Measure a baseline on the same frames, learned from the training frames
+    #[arg(long, value_enum)]
+    baseline: Option<Baseline>,
+    /// Cells along the longest side of the box around the body
+    #[arg(long, value_name = "R", default_value_t = 256, value_parser = super::extract::resolution)]
+    resolution: usize,
+    /// Write all metrics, frame by frame, as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Split {
+    Train,
+    Test,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Baseline {
+    /// The registered body with the mean offset of each vertex
+    #[value(name = "smplx+d")]
+    SmplxD,
+}
+
+impl Eval {
+    pub fn run(self) -> anyhow::Result<Outcome> {
+        if let Some(json) = &self.json {
+            outputs::new_file(json)?;
+        }
+        let avatar = Avatar::load(&self.avatar)?;
+        let opened = self.subject.open()?;
+        let subject = &opened.subject;
+        let files = match self.split {
+            Split::Train => &subject.train,
+            Split::Test => &subject.test,
+        };
+        let frames = SubjectFrames::new(subject, files);
+        let baseline = match self.baseline {
+            Some(Baseline::SmplxD) => {
+                eprintln!("learning the baseline from {} training frames", subject.train.len());
+                Some(SmplxD::fit(&opened.body, SubjectFrames::new(subject, &subject.train).iter())?)
+            }
+            None => None,
+        };
+        let evaluation = Evaluation {
+            body: &opened.body,
+            labels: &opened.labels,
+            baseline: baseline.as_ref(),
+            samples: Evaluation::SAMPLES,
+            seed: 0,
+        };
+        let mut progress = Progress::new();
+        let (mut done, total) = (0, files.len());
+        let report = evaluation.run(
+            frames.iter(),
+            |frame| Ok(avatar.extract_posed(&opened.body, &opened.labels, &frame.parameters, self.resolution)?.mesh),
+            |frame| {
+                done += 1;
+                let distance = frame.metrics.all.map_or_else(String::new, |all| format!("  CD {:.2} mm", all.cd_mm));
+                progress.show("frames", f64::from(done) / total as f64, &format!("{}{distance}", frame.frame));
+            },
+        )?;
+        progress.finish();
+        print!("{report}");
+        if let Some(json) = &self.json {
+            outputs::write_json(json, &report)?;
+        }
+        Ok(Outcome::Done)
+    }
+}

@@ -1,0 +1,95 @@
+//! `xavatar extract`: an avatar as a mesh, in its canonical pose or another.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use xavatar::avatar::{Avatar, Extraction};
+use xavatar::body::BodyModel;
+use xavatar::data::read_motion;
+use xavatar::mesh::{FINEST_RESOLUTION, TriangleMesh, write_obj, write_ply};
+
+use super::inputs::load_body;
+use super::{Outcome, outputs};
+
+/// Write an avatar as a coloured mesh
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    xavatar extract runs/00016 --resolution 512 --out canonical.ply\n  \
+    xavatar extract avatar.safetensors --pose wave.npz --body models/smplx --out wave.obj")]
+pub struct Extract {
+    /// An avatar.safetensors or a run's folder
+    #[arg(value_name = "AVATAR")]
+    avatar: PathBuf,
+    /// Cells along the longest side of the box around the body
+    #[arg(long, value_name = "R", default_value_t = 256, value_parser = resolution)]
+    resolution: usize,
+    /// The mesh to write, .ply or .obj
+    #[arg(long, value_name = "FILE", default_value = "avatar.ply")]
+    out: PathBuf,
+    /// Pose it as in the first frame of a motion, instead of the canonical pose
+    #[arg(long, value_name = "FILE", requires = "body")]
+    pose: Option<PathBuf>,
+    /// SMPL-X model file or folder, to pose with
+    #[arg(long, value_name = "BODY")]
+    body: Option<PathBuf>,
+}
+
+impl Extract {
+    pub fn run(self) -> anyhow::Result<Outcome> {
+        let format = MeshFormat::of(&self.out)?;
+        outputs::new_file(&self.out)?;
+        let avatar = Avatar::load(&self.avatar)?;
+        let Extraction { mesh, dropped_components } = match (&self.pose, &self.body) {
+            (Some(pose), Some(body)) => {
+                let (body, labels) = load_body(body, avatar.subject.gender)?;
+                let parameters = read_motion(pose)?.frames.into_iter().next().unwrap_or_default();
+                avatar.extract_posed(&body, &labels, &parameters, self.resolution)?
+            }
+            _ => avatar.extract_canonical(&BodyModel::canonical_parameters(&avatar.subject.betas), self.resolution)?,
+        };
+        if dropped_components > 0 {
+            eprintln!("kept the largest part; {dropped_components} smaller ones left out");
+        }
+        format.write(&self.out, &mesh)?;
+        println!("{}: {} vertices, {} faces", self.out.display(), mesh.vertices.len(), mesh.faces.len());
+        Ok(Outcome::Done)
+    }
+}
+
+/// How a mesh is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum MeshFormat {
+    Ply,
+    Obj,
+}
+
+impl MeshFormat {
+    /// By the file's extension.
+    fn of(path: &Path) -> anyhow::Result<Self> {
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("ply") => Ok(Self::Ply),
+            Some("obj") => Ok(Self::Obj),
+            _ => bail!("{}: name it .ply or .obj", path.display()),
+        }
+    }
+
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Ply => "ply",
+            Self::Obj => "obj",
+        }
+    }
+
+    pub fn write(self, path: &Path, mesh: &TriangleMesh) -> xavatar::Result<()> {
+        match self {
+            Self::Ply => write_ply(path, mesh),
+            Self::Obj => write_obj(path, mesh),
+        }
+    }
+}
+
+/// Parses a number of cells that the extraction takes.
+pub fn resolution(text: &str) -> Result<usize, String> {
+    let cells = text.parse().ok().filter(|cells| (16..=FINEST_RESOLUTION).contains(cells));
+    cells.ok_or_else(|| format!("expected 16 to {FINEST_RESOLUTION} cells"))
+}

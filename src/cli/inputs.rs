@@ -1,0 +1,82 @@
+//! What several verbs take: a subject's folder with the body model that fits it, and frames to be read on demand.
+
+use std::path::{Path, PathBuf};
+
+use xavatar::body::{BodyModel, Gender, PartLabels};
+use xavatar::data::{FrameFiles, FrameId, FrameSource, ScanFrame, Subject, read_frame};
+
+/// A subject's folder and its body model.
+#[derive(clap::Args)]
+pub struct SubjectArguments {
+    /// The subject's folder, in the X-Humans layout
+    #[arg(value_name = "DATA")]
+    pub data: PathBuf,
+    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl (the subject's gender.txt chooses)
+    #[arg(long, value_name = "BODY")]
+    pub body: PathBuf,
+}
+
+/// A subject with its body model.
+pub struct Registered {
+    pub subject: Subject,
+    pub body: BodyModel,
+    pub labels: PartLabels,
+}
+
+impl SubjectArguments {
+    pub fn open(&self) -> xavatar::Result<Registered> {
+        let subject = Subject::open(&self.data)?;
+        let (body, labels) = load_body(&self.body, subject.gender)?;
+        Ok(Registered { subject, body, labels })
+    }
+}
+
+/// The model of a gender and its part labels.
+pub fn load_body(path: &Path, gender: Gender) -> xavatar::Result<(BodyModel, PartLabels)> {
+    let body = BodyModel::load(path, gender)?;
+    let labels = PartLabels::find(&body)?;
+    Ok((body, labels))
+}
+
+/// Frames of a subject, read when they are asked for.
+pub struct SubjectFrames {
+    files: Vec<FrameFiles>,
+    ids: Vec<FrameId>,
+    betas: [f32; 10],
+    gender: Gender,
+}
+
+impl SubjectFrames {
+    /// The frames of one split.
+    pub fn new(subject: &Subject, files: &[FrameFiles]) -> Self {
+        Self {
+            files: files.to_vec(),
+            ids: files.iter().map(|files| files.id.clone()).collect(),
+            betas: subject.betas,
+            gender: subject.gender,
+        }
+    }
+
+    /// All frames, one at a time.
+    pub fn iter(&self) -> impl Iterator<Item = xavatar::Result<ScanFrame>> {
+        (0..self.files.len()).map(|index| self.read(index))
+    }
+}
+
+impl FrameSource for SubjectFrames {
+    fn ids(&self) -> &[FrameId] {
+        &self.ids
+    }
+
+    fn read(&self, index: usize) -> xavatar::Result<ScanFrame> {
+        read_frame(&self.files[index], &self.betas)
+    }
+
+    fn betas(&self) -> [f32; 10] {
+        self.betas
+    }
+
+    fn gender(&self) -> Gender {
+        self.gender
+    }
+}

@@ -1,0 +1,112 @@
+//! The command line: one file a verb, each thin: parse, call the library, print.
+//!
+//! Results go to stdout, progress and errors to stderr. Exit codes: 0 done, 1 failed, 2 wrong usage, 3 stopped but resumable.
+
+mod animate;
+mod check;
+mod demo;
+mod eval;
+mod extract;
+mod gallery;
+mod info;
+mod inputs;
+mod outputs;
+mod progress;
+mod stop;
+mod train;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+const EXIT_FAILED: u8 = 1;
+const EXIT_WRONG_USAGE: u8 = 2;
+const EXIT_STOPPED: u8 = 3;
+
+/// Animatable avatars from 3D scans: train, measure, pose and export them.
+#[derive(Parser)]
+#[command(
+    name = "xavatar",
+    version,
+    after_help = "Start here:\n  xavatar demo\n\nExit codes: 0 done, 1 failed, 2 wrong usage, 3 stopped but resumable."
+)]
+struct CommandLine {
+    #[command(subcommand)]
+    verb: Verb,
+    /// Threads to compute with [default: one a core]
+    #[arg(long, value_name = "T", global = true, value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    Demo(demo::Demo),
+    Check(check::Check),
+    Train(train::Train),
+    Eval(eval::Eval),
+    Extract(extract::Extract),
+    Animate(animate::Animate),
+    Info(info::Info),
+}
+
+/// How a verb that did not fail ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    Done,
+    /// The data was looked at as asked, and is not good enough.
+    Unfit,
+    /// The user stopped it; it can be resumed.
+    Stopped,
+}
+
+/// The arguments contradict each other or name a setting that there is not.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+struct WrongUsage(xavatar::Error);
+
+/// Runs the command that the arguments ask for.
+pub fn main() -> ExitCode {
+    let command_line = CommandLine::parse();
+    match run(command_line) {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Unfit) => EXIT_FAILED.into(),
+        Ok(Outcome::Stopped) => EXIT_STOPPED.into(),
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            if error.is::<WrongUsage>() { EXIT_WRONG_USAGE } else { EXIT_FAILED }.into()
+        }
+    }
+}
+
+fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
+    if let Some(threads) = command_line.threads {
+        rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()?;
+    }
+    match command_line.verb {
+        Verb::Demo(verb) => verb.run(),
+        Verb::Check(verb) => verb.run(),
+        Verb::Train(verb) => verb.run(),
+        Verb::Eval(verb) => verb.run(),
+        Verb::Extract(verb) => verb.run(),
+        Verb::Animate(verb) => verb.run(),
+        Verb::Info(verb) => verb.run(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_commands_are_consistent_and_each_shows_an_example() {
+        let mut command = CommandLine::command();
+        command.build();
+        command.clone().debug_assert();
+        for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {
+            let example = verb.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(example.contains(&format!("xavatar {}", verb.get_name())), "{}", verb.get_name());
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! `xavatar train`: from a subject's scans to an avatar, in a run folder that can be resumed.
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+use xavatar::avatar::Avatar;
+use xavatar::config::Config;
+use xavatar::train::{Ending, Trainer};
+
+use super::inputs::{SubjectArguments, SubjectFrames};
+use super::progress::Progress;
+use super::{Outcome, WrongUsage, outputs, stop};
+
+/// Train an avatar from a subject's scans
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    xavatar train data/00016 --body models/smplx --out runs/00016 --minutes 30\n  \
+    xavatar train data/00016 --body models/smplx --out runs/00016 --resume\n  \
+    xavatar train data/00016 --body models/smplx --out runs/slow --set optimiser.learning_rate=3e-4\n\n\
+    Ctrl-C stops after the step, saves, and says how to go on.")]
+pub struct Train {
+    #[command(flatten)]
+    subject: SubjectArguments,
+    /// The run's folder: new or empty, unless it is resumed
+    #[arg(long, value_name = "RUN")]
+    out: PathBuf,
+    /// Networks and constants to start from: quick, demo, paper-scan [default: quick]
+    #[arg(long, value_name = "P")]
+    preset: Option<String>,
+    /// Wall time of the whole command, preparation included, instead of a number of steps
+    #[arg(long, value_name = "M", conflicts_with = "steps", value_parser = positive_minutes)]
+    minutes: Option<f64>,
+    /// Steps to train [default: the preset's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// Seed of everything random [default: 0]
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// Go on with the run in RUN from its newest checkpoint
+    #[arg(long)]
+    resume: bool,
+    /// Override any setting of the preset (see config.toml in a run); may be given again
+    #[arg(long = "set", value_name = "key=value", value_parser = setting)]
+    settings: Vec<(String, String)>,
+    /// Leave out frames that cannot be read, and list them, instead of stopping at the first
+    #[arg(long)]
+    skip_bad_frames: bool,
+}
+
+impl Train {
+    pub fn run(self) -> anyhow::Result<Outcome> {
+        let config = if self.resume { self.configuration_of_run()? } else { self.new_configuration()? };
+        let opened = self.subject.open()?;
+        let frames = SubjectFrames::new(&opened.subject, &opened.subject.train);
+        let stop = stop::on_interrupt()?;
+        let mut progress = Progress::new();
+        eprintln!("part labels: {}", opened.labels.source);
+        let begin = if self.resume { Trainer::resume } else { Trainer::start };
+        let mut trainer = begin(&config, &frames, &opened.body, &opened.labels, &self.out, &mut progress)?;
+        let ending = trainer.run(stop, &mut progress)?;
+        progress.finish();
+        let (data, body, out) = (self.subject.data.display(), self.subject.body.display(), self.out.display());
+        if ending == Ending::Stopped {
+            eprintln!("stopped; go on with\n  xavatar train {data} --body {body} --out {out} --resume");
+            return Ok(Outcome::Stopped);
+        }
+        println!("{}", self.out.join(Avatar::FILE).display());
+        eprintln!(
+            "try next\n  xavatar eval {out} {data} --body {body} --split test --baseline smplx+d\n  \
+             xavatar extract {out} --out canonical.ply\n  \
+             xavatar animate {out} {data}/test/SEQUENCE --body {body} --out {out}/animation"
+        );
+        Ok(Outcome::Done)
+    }
+
+    /// The settings that were given, options of their own included.
+    fn settings(&self) -> Vec<(String, String)> {
+        let own = [
+            ("schedule.minutes", self.minutes.map(|minutes| minutes.to_string())),
+            ("schedule.steps", self.steps.map(|steps| steps.to_string())),
+            ("seed", self.seed.map(|seed| seed.to_string())),
+            ("skip_bad_frames", self.skip_bad_frames.then(|| "true".to_owned())),
+        ];
+        let own = own.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?)));
+        self.settings.iter().cloned().chain(own).collect()
+    }
+
+    fn new_configuration(&self) -> anyhow::Result<Config> {
+        let preset = self.preset.as_deref().unwrap_or("quick");
+        let config = Config::preset_with(preset, &self.settings()).map_err(WrongUsage)?;
+        if !outputs::is_new_or_empty(&self.out)? {
+            bail!(
+                "{}: the folder is not empty; give a new --out, or --resume to go on with the run in it",
+                self.out.display()
+            );
+        }
+        Ok(config)
+    }
+
+    /// The run's own. Settings other than those that it was started with are refused: they would have no effect.
+    fn configuration_of_run(&self) -> anyhow::Result<Config> {
+        let run = Trainer::configuration(&self.out)?;
+        if let Some(preset) = self.preset.as_ref().filter(|preset| **preset != run.preset) {
+            bail!("{}: the run has the preset {}, not {preset}", self.out.display(), run.preset);
+        }
+        let asked = Config::preset_with(&run.preset, &self.settings()).map_err(WrongUsage)?;
+        let (settled, asked) = (run.to_toml().parse()?, asked.to_toml().parse()?);
+        for (key, _) in self.settings() {
+            let (found, wanted) = (value_of(&settled, &key), value_of(&asked, &key));
+            if let Some((found, wanted)) = found.zip(wanted).filter(|(found, wanted)| found != wanted) {
+                bail!(
+                    "{}: the run was started with {key} = {found}, not {wanted}; leave it away to resume, or start a new run",
+                    self.out.display()
+                );
+            }
+        }
+        Ok(run)
+    }
+}
+
+fn value_of<'a>(table: &'a toml::Table, key: &str) -> Option<&'a toml::Value> {
+    let (first, rest) = key.split_once('.').map_or((key, None), |(first, rest)| (first, Some(rest)));
+    match (table.get(first)?, rest) {
+        (toml::Value::Table(inner), Some(rest)) => value_of(inner, rest),
+        (value, None) => Some(value),
+        _ => None,
+    }
+}
+
+fn setting(text: &str) -> Result<(String, String), String> {
+    let (key, value) = text.split_once('=').ok_or("expected key=value")?;
+    Ok((key.trim().into(), value.trim().into()))
+}
+
+fn positive_minutes(text: &str) -> Result<f64, String> {
+    let minutes: f64 = text.parse().map_err(|_| "expected a number of minutes")?;
+    if minutes.is_finite() && minutes > 0.0 { Ok(minutes) } else { Err("expected more than 0 minutes".into()) }
+}

@@ -1,0 +1,258 @@
+//! The command line as scripts see it: exit codes, messages, files. One small data set, written by the tool, serves all tests.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use tempfile::TempDir;
+
+/// Networks and samples so small that a step takes milliseconds.
+const TINY: [&str; 8] = [
+    "fields.geometry.width=32",
+    "fields.geometry.depth=3",
+    "fields.texture.width=16",
+    "fields.skinning.width=16",
+    "sampling.points=200",
+    "losses.eikonal_points=64",
+    "schedule.pretraining_steps=40",
+    "schedule.checkpoint_steps=5",
+];
+
+fn xavatar(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_xavatar"));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+fn run(arguments: &[&str]) -> Output {
+    xavatar(arguments).output().unwrap()
+}
+
+/// The exit code and everything that was printed.
+fn outcome(arguments: &[&str]) -> (i32, String) {
+    let output = run(arguments);
+    let printed = [output.stdout, output.stderr].concat();
+    (output.status.code().unwrap(), String::from_utf8(printed).unwrap())
+}
+
+fn assert_outcome(arguments: &[&str], code: i32, words: &[&str]) -> String {
+    let (found, printed) = outcome(arguments);
+    assert_eq!(found, code, "{arguments:?}\n{printed}");
+    for word in words {
+        assert!(printed.contains(word), "{arguments:?} does not say {word:?}:\n{printed}");
+    }
+    assert!(!printed.contains("panicked") && !printed.contains("stack backtrace"), "{printed}");
+    printed
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A subject's folder, and its body model's.
+fn data() -> (&'static str, &'static str) {
+    static DATA: OnceLock<(TempDir, String, String)> = OnceLock::new();
+    let (_, data, body) = DATA.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("mannequin");
+        assert_outcome(&["demo", "--smoke", "--write-data", text(&data)], 0, &["xavatar check"]);
+        let body = data.join("body");
+        (folder, text(&data).into(), text(&body).into())
+    });
+    (data, body)
+}
+
+/// The arguments that train a tiny avatar for so many steps.
+fn training(out: &Path, steps: usize) -> Vec<String> {
+    let (data, body) = data();
+    let fixed = ["train", data, "--body", body, "--out", text(out), "--preset", "demo"];
+    let settings = TINY.iter().flat_map(|setting| ["--set", setting]);
+    fixed.into_iter().chain(settings).map(str::to_owned).chain(["--steps".into(), steps.to_string()]).collect()
+}
+
+fn borrowed(arguments: &[String]) -> Vec<&str> {
+    arguments.iter().map(String::as_str).collect()
+}
+
+/// A run that was trained to its end, once for all tests.
+fn trained() -> &'static str {
+    static RUN: OnceLock<(TempDir, String)> = OnceLock::new();
+    let (_, run) = RUN.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let run = folder.path().join("run");
+        let arguments = training(&run, 10);
+        assert_outcome(&borrowed(&arguments), 0, &["avatar.safetensors", "xavatar eval", "xavatar animate"]);
+        (folder, text(&run).into())
+    });
+    run
+}
+
+#[test]
+fn wrong_usage_exits_with_2_before_anything_is_read() {
+    let train = ["train", "/nowhere", "--body", "/nowhere", "--out", "/nowhere/run"];
+    let with = |more: &[&'static str]| [&train[..], more].concat();
+    for (arguments, word) in [
+        (vec![], "Usage"),
+        (vec!["fly"], "fly"),
+        (vec!["train"], "--body"),
+        (with(&["--minutes", "1", "--steps", "1"]), "cannot be used with"),
+        (with(&["--minutes", "-1"]), "--minutes"),
+        (with(&["--minutes", "nan"]), "minutes"),
+        (with(&["--steps", "0"]), "--steps"),
+        (with(&["--threads", "0"]), "--threads"),
+        (with(&["--set", "losses.normal"]), "key=value"),
+        (with(&["--set", "losses.normals=1"]), "did you mean `losses.normal`?"),
+        (with(&["--set", "losses.normal=-1"]), "losses.normal is -1"),
+        (with(&["--preset", "slow"]), "quick"),
+        (vec!["eval", "/nowhere", "/nowhere", "--body", "/nowhere", "--baseline", "smpl"], "smplx+d"),
+        (vec!["extract", "/nowhere", "--resolution", "100000"], "512"),
+        (vec!["extract", "/nowhere", "--pose", "/nowhere"], "--body"),
+    ] {
+        assert_outcome(&arguments, 2, &[word]);
+    }
+}
+
+#[test]
+fn help_and_version_are_not_errors() {
+    for verb in ["demo", "check", "train", "eval", "extract", "animate", "info"] {
+        assert_outcome(&[verb, "--help"], 0, &["Example", &format!("xavatar {verb}")]);
+    }
+    assert_outcome(&["--version"], 0, &[env!("CARGO_PKG_VERSION")]);
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let absent = folder.path().join("absent");
+    let (absent, out) = (text(&absent), folder.path().join("run"));
+    let (data, body) = data();
+    for arguments in [
+        vec!["check", absent, "--body", body],
+        vec!["check", data, "--body", absent],
+        vec!["train", absent, "--body", body, "--out", text(&out)],
+        vec!["train", data, "--body", body, "--out", absent, "--resume"],
+        vec!["eval", absent, data, "--body", body],
+        vec!["extract", absent, "--out", text(&out.with_extension("ply"))],
+        vec!["animate", absent, data, "--body", body, "--out", text(&out)],
+        vec!["info", absent],
+    ] {
+        let printed = assert_outcome(&arguments, 1, &["error: ", absent]);
+        assert_eq!(printed.lines().filter(|line| line.starts_with("error")).count(), 1, "{printed}");
+    }
+    assert!(!out.exists(), "nothing is made before the inputs are known to be there");
+}
+
+#[test]
+fn the_written_subject_passes_its_check() {
+    let (data, body) = data();
+    let json = tempfile::NamedTempFile::new().unwrap();
+    let arguments = ["check", data, "--body", body, "--json", text(json.path())];
+    assert_outcome(&arguments, 0, &["ready to train", "3 frames", "watertight", "(metres)"]);
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(json.path()).unwrap()).unwrap();
+    assert_eq!(report["problems"].as_array().unwrap().len(), 0);
+    assert!(report["distances"]["all"]["median_mm"].as_f64().unwrap() < 30.0, "{report}");
+}
+
+#[test]
+fn an_avatar_is_measured_extracted_animated_and_described() {
+    let (run, (data, body)) = (trained(), data());
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+
+    let json = file("metrics.json");
+    let eval = ["eval", run, data, "--body", body, "--split", "test", "--baseline", "smplx+d", "--resolution", "48"];
+    assert_outcome(&[&eval[..], &["--json", text(&json)]].concat(), 0, &["SMPLX+D", "CD mm", "Hands", "Face"]);
+    let metrics: serde_json::Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    assert_eq!(metrics["frames"], 1);
+    assert_eq!(metrics["per_frame"].as_array().unwrap().len(), 1);
+    for value in ["cd_mm", "cd_max_mm", "nc", "iou", "iou_box"] {
+        assert!(metrics["mean"]["all"][value].as_f64().unwrap().is_finite(), "{metrics}");
+        assert!(metrics["baseline"]["hands"][value].as_f64().unwrap().is_finite(), "{metrics}");
+        assert!(metrics["baseline"]["face"][value].as_f64().unwrap().is_finite(), "{metrics}");
+    }
+    assert_outcome(&[&eval[..], &["--json", text(&json)]].concat(), 1, &["exists already"]);
+
+    let canonical = file("canonical.obj");
+    let extract = ["extract", run, "--resolution", "48", "--out", text(&canonical)];
+    assert_outcome(&extract, 0, &["canonical.obj", "vertices"]);
+    assert_outcome(&extract, 1, &["canonical.obj", "exists already"]);
+    assert_outcome(&["info", text(&canonical)], 0, &["mesh", "watertight"]);
+
+    let posed = file("posed.ply");
+    let take = PathBuf::from(data).join("test/Take2");
+    let pose = ["--pose", text(&take), "--body", body];
+    assert_outcome(&[&["extract", run, "--resolution", "48", "--out", text(&posed)][..], &pose].concat(), 0, &[]);
+    assert!(posed.is_file());
+
+    assert_outcome(&["info", run], 0, &["preset demo", "10 steps", "3 frames", "neutral"]);
+    assert_outcome(&["info", text(&Path::new(body).join("SMPLX_NEUTRAL.npz"))], 0, &["SMPL-X", "neutral", "shapedirs"]);
+}
+
+#[test]
+fn an_interrupted_animation_goes_on_and_does_not_mix_with_another() {
+    let (run, (data, body)) = (trained(), data());
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("animation");
+    let take = PathBuf::from(data).join("train/Take1");
+    let animate = ["animate", run, text(&take), "--body", body, "--resolution", "40", "--out", text(&out)];
+    assert_outcome(&animate, 0, &["3 meshes"]);
+    let mesh = |number: u32| out.join(format!("mesh-f{number:05}.ply"));
+    let first = std::fs::read(mesh(1)).unwrap();
+    std::fs::remove_file(mesh(1)).unwrap();
+    assert_outcome(&animate, 0, &["2 of 3 meshes were there already"]);
+    assert_eq!(std::fs::read(mesh(1)).unwrap(), first);
+    let other = PathBuf::from(data).join("test/Take2");
+    let animate = ["animate", run, text(&other), "--body", body, "--resolution", "40", "--out", text(&out)];
+    assert_outcome(&animate, 1, &["not of the same animation"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_stopped_run_says_how_to_resume_and_ends_like_one_that_was_not_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, stopped) = (folder.path().join("whole"), folder.path().join("stopped"));
+    let steps = 60;
+    assert_outcome(&borrowed(&training(&whole, steps)), 0, &[]);
+
+    let arguments = training(&stopped, steps);
+    let child = xavatar(&borrowed(&arguments)).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let metrics = stopped.join("metrics.jsonl");
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while std::fs::read_to_string(&metrics).unwrap_or_default().lines().count() < 12 {
+        assert!(Instant::now() < deadline, "no steps were made");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let printed = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(3), "{printed}");
+    assert!(printed.contains("--resume"), "{printed}");
+
+    assert_outcome(&borrowed(&arguments), 1, &["not empty", "--resume"]);
+    let resume = |more: &[&'static str]| {
+        let arguments = borrowed(&arguments).into_iter().chain(["--resume"]).chain(more.iter().copied());
+        arguments.collect::<Vec<_>>().join("\u{0}")
+    };
+    let contradiction = resume(&["--set", "losses.normal=0.7"]);
+    let contradiction: Vec<&str> = contradiction.split('\u{0}').collect();
+    assert_outcome(&contradiction, 1, &["losses.normal"]);
+    let resume = resume(&[]);
+    assert_outcome(&resume.split('\u{0}').collect::<Vec<_>>(), 0, &["avatar.safetensors"]);
+    let avatar = |run: &Path| std::fs::read(run.join("avatar.safetensors")).unwrap();
+    assert!(avatar(&whole) == avatar(&stopped), "the avatars differ");
+}
+
+#[test]
+fn nothing_is_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("mine.txt"), "mine").unwrap();
+    let occupied = text(folder.path());
+    let (data, body) = data();
+    assert_outcome(&["train", data, "--body", body, "--out", occupied], 1, &["not empty", "--resume"]);
+    assert_outcome(&["demo", "--smoke", "--out", occupied], 1, &["not empty"]);
+    assert_outcome(&["demo", "--smoke", "--write-data", occupied], 1, &["not empty"]);
+    let take = PathBuf::from(data).join("test/Take2");
+    assert_outcome(&["animate", trained(), text(&take), "--body", body, "--out", occupied], 1, &["not empty"]);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
