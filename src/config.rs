@@ -168,6 +168,10 @@ pub struct LossSettings {
     pub joint: f64,
     /// Squared error of the weights at canonical vertices of hands and face.
     pub surface: f64,
+    /// Squared error of the weights around and inside the canonical body against the nearest surface point's.
+    ///
+    /// Not in the thesis: without it, the weights deep inside are free, and the search finds roots there for empty space.
+    pub volume: f64,
     /// (|grad f| - 1)^2 around the canonical body.
     pub eikonal: f64,
     /// Points for it a frame.
@@ -296,6 +300,7 @@ impl Config {
             ("losses.bone", self.losses.bone),
             ("losses.joint", self.losses.joint),
             ("losses.surface", self.losses.surface),
+            ("losses.volume", self.losses.volume),
             ("losses.eikonal", self.losses.eikonal),
         ] {
             within(name, weight, 1e6)?;

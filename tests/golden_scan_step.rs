@@ -62,6 +62,7 @@ fn losses_and_gradients_match() {
             points: golden.points("surface_points"),
             weights: golden.get("surface_weights"),
         },
+        volume_weights: WeightTargets::default(),
         eikonal_points: golden.points("x_canonical_on"),
         implicit_gradient: true,
     };

@@ -1,7 +1,8 @@
 //! The loss terms and their gradients at known canonical points (thesis ch. 4.3.1, METHOD section 5).
 //!
 //! L = occupancy BCE(P_off) + distance |f - d| (P_off, P_on) + normal ||n_d - n||^2 (P_on) + colour ||c - c_gt||_1 (P_on) +
-//! bone BCE(points on bones are inside) + joint ||w - w_gt||^2 + surface ||w - w_gt||^2 + eikonal (|grad f| - 1)^2.
+//! bone BCE(points on bones are inside) + joint, surface, volume ||w - w_gt||^2
+//!   + eikonal (|grad f| - 1)^2.
 //! Means over points, sums over components. Where an off-surface point was found by the search, its cotangent goes on to the
 //! skinning field by the implicit function theorem.
 //!
@@ -50,6 +51,8 @@ pub struct CanonicalBatch<T> {
     pub joint_weights: WeightTargets<T>,
     /// Canonical vertices of hands and face, and the weights they should have (., J).
     pub surface_weights: WeightTargets<T>,
+    /// Canonical points around and inside the body, and the weights of the nearest place on its surface (., J).
+    pub volume_weights: WeightTargets<T>,
     /// Canonical points where the field should be a distance.
     pub eikonal_points: Vec<[T; 3]>,
     /// Whether the off-surface cotangents reach the skinning field.
@@ -75,6 +78,7 @@ enum Block {
     Bone(Range<usize>),
     Joint(Range<usize>),
     Surface(Range<usize>),
+    Volume(Range<usize>),
     Eikonal(Range<usize>),
 }
 
@@ -194,6 +198,7 @@ fn weight_of(losses: &LossSettings, term: &str) -> f64 {
         "bone" => losses.bone,
         "joint" => losses.joint,
         "surface" => losses.surface,
+        "volume" => losses.volume,
         "eikonal" => losses.eikonal,
         _ => 0.0,
     }
@@ -211,7 +216,8 @@ struct Frame<'a, T> {
 impl<T: Real> Frame<'_, T> {
     /// The blocks of every term whose weight is not zero, the dearest first.
     fn blocks(&self) -> Vec<Block> {
-        let LossSettings { occupancy, distance, normal, colour, bone, joint, surface, eikonal, .. } = *self.losses;
+        let LossSettings { occupancy, distance, normal, colour, bone, joint, surface, volume, eikonal, .. } =
+            *self.losses;
         let batch = self.batch;
         let mut blocks = Vec::new();
         let mut cut = |wanted: bool, rows: usize, block: fn(Range<usize>) -> Block| {
@@ -224,6 +230,7 @@ impl<T: Real> Frame<'_, T> {
         cut(eikonal > 0.0, batch.eikonal_points.len(), Block::Eikonal);
         cut(bone > 0.0, batch.bone_points.len(), Block::Bone);
         cut(surface > 0.0, batch.surface_weights.points.len(), Block::Surface);
+        cut(volume > 0.0, batch.volume_weights.points.len(), Block::Volume);
         cut(joint > 0.0, batch.joint_weights.points.len(), Block::Joint);
         blocks
     }
@@ -253,6 +260,10 @@ impl<T: Real> Worker<T> {
             }
             Block::Surface(rows) => {
                 self.weights("surface", frame, &frame.batch.surface_weights, frame.losses.surface, rows.clone());
+                Ok(())
+            }
+            Block::Volume(rows) => {
+                self.weights("volume", frame, &frame.batch.volume_weights, frame.losses.volume, rows.clone());
                 Ok(())
             }
         }

@@ -25,8 +25,10 @@ const EXPRESSIONS: usize = 8;
 const POSE_SPREAD: f32 = 0.1;
 /// Canonical vertices whose weights are supervised at each step.
 const WEIGHT_POINTS: usize = 2048;
-/// How far from its vertex a weight is still asked for, metres.
-const WEIGHT_SPREAD: f32 = 0.01;
+/// Spread of the points around the body whose weights are supervised, metres.
+const VOLUME_SPREAD: f32 = 0.06;
+/// How far below the surface weights are supervised, metres.
+const VOLUME_DEPTH: f32 = 0.12;
 
 const IDENTITY: BoneTransform<f32> = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
@@ -90,6 +92,28 @@ impl<'a> CanonicalBody<'a> {
             targets.weights.extend_from_slice(&self.weights[vertex * JOINTS..(vertex + 1) * JOINTS]);
         }
         batch.surface_weights = targets;
+        batch.volume_weights = self.volume(count, random);
+    }
+
+    /// Points around the body and below its surface, with the weights of the nearest place on the surface.
+    fn volume(&self, count: usize, random: &mut ChaCha8Rng) -> WeightTargets<f32> {
+        let body = &self.expressions[0];
+        let mut draw = |index: usize| {
+            let place = body.sampler.sample(random);
+            let position = body.mesh.position_at(&place);
+            match index % 2 {
+                0 => position + VOLUME_SPREAD * normal_vector(random),
+                _ => position - VOLUME_DEPTH * random.random::<f32>() * body.mesh.normal_at(&place),
+            }
+        };
+        let points: Vec<Vec3> = (0..count).map(&mut draw).collect();
+        let weights = body.solid.surface().closest_to_each(&points).into_iter().flat_map(|closest| {
+            let corners = body.mesh.faces[closest.face as usize].map(|vertex| vertex as usize * JOINTS);
+            std::array::from_fn::<f32, JOINTS, _>(|joint| {
+                corners.iter().zip(closest.barycentric).map(|(start, share)| share * self.weights[start + joint]).sum()
+            })
+        });
+        WeightTargets { weights: weights.collect(), points: points.iter().map(Vec3::to_array).collect() }
     }
 
     /// Points N(0, deviation^2) around random canonical vertices.
@@ -109,7 +133,7 @@ impl<'a> CanonicalBody<'a> {
         let angles = CONDITION - body.expression.len();
         batch.condition.extend((0..angles).map(|_| POSE_SPREAD * random.sample::<f32, _>(StandardNormal)));
         batch.condition.extend(body.expression);
-        self.anchor(0, random, &mut batch);
+        self.anchor(WEIGHT_POINTS, random, &mut batch);
 
         let mut off = Vec::with_capacity(settings.points + settings.uniform_points);
         for index in 0..settings.points {
@@ -123,7 +147,7 @@ impl<'a> CanonicalBody<'a> {
             }
             let wide = index % 4 == 3;
             let deviation = if wide { settings.wide_deviation } else { settings.deviation };
-            off.push(position + deviation * Vec3::from_array(std::array::from_fn(|_| random.sample(StandardNormal))));
+            off.push(position + deviation * normal_vector(random));
         }
         let extent = settings.extent;
         off.extend(
@@ -139,8 +163,7 @@ impl<'a> CanonicalBody<'a> {
 
         for _ in 0..WEIGHT_POINTS {
             let vertex = random.random_range(0..self.vertices.len());
-            let near = self.vertices[vertex].map(|x| x + WEIGHT_SPREAD * random.sample::<f32, _>(StandardNormal));
-            batch.surface_weights.points.push(near);
+            batch.surface_weights.points.push(self.vertices[vertex]);
             batch.surface_weights.weights.extend_from_slice(&self.weights[vertex * JOINTS..(vertex + 1) * JOINTS]);
         }
         batch.eikonal_points = self.around(config.losses.eikonal_points, settings.wide_deviation, random);
@@ -164,4 +187,8 @@ impl<'a> CanonicalBody<'a> {
     pub fn joints(&self) -> &[Vec3; JOINTS] {
         &self.joints
     }
+}
+
+fn normal_vector(random: &mut ChaCha8Rng) -> Vec3 {
+    Vec3::from_array(std::array::from_fn(|_| random.sample(StandardNormal)))
 }
