@@ -14,7 +14,7 @@ use xavatar_network::{Representation, SkinningTrace, SkinningWeights, TextureFie
 
 use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels, Registration};
 use crate::config::Config;
-use crate::correspondence::{Correspondence, PosedField, bone_rows, part_label, start_groups};
+use crate::correspondence::{Correspondence, PosedField, bake, bone_rows, part_label, start_groups};
 use crate::fields::{Fields, condition, skeleton_parents};
 use crate::mesh::{Colouring, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
 use crate::tensor_file::TensorFile;
@@ -137,7 +137,15 @@ impl Avatar {
         let embedded = self.fields.geometry.mlp.embed(&condition(parameters));
         let bones = vec![IDENTITY; JOINTS];
         let groups = start_groups(self.config.starts)?;
-        let posed = self.posed_field(&bones, &embedded, &groups);
+        let settings = &self.config.search;
+        let posed = PosedField {
+            fields: &self.fields,
+            bones: &bones,
+            embedded: &embedded,
+            groups: &groups,
+            settings,
+            baked: None,
+        };
         let (minimum, maximum) = self.subject.bounds;
         let values = |points: &[Vec3], values: &mut [f32]| values.copy_from_slice(&posed.geometry(&arrays(points)));
         let mesh = extract(&values, self.grid(minimum, maximum, resolution))?;
@@ -165,7 +173,11 @@ impl Avatar {
         let embedded = self.fields.geometry.mlp.embed(&condition(&parameters));
         let bones = bone_rows(&body.canonical_to_posed(&parameters)?);
         let groups = start_groups(self.config.starts)?;
-        let posed = self.posed_field(&bones, &embedded, &groups);
+        let baked = bake(&self.fields.skinning, self.config.searched_field, self.subject.bounds)?;
+        let settings = &self.config.search;
+        let fields = &self.fields;
+        let posed =
+            PosedField { fields, bones: &bones, embedded: &embedded, groups: &groups, settings, baked: baked.as_ref() };
 
         let query = |points: &[Vec3]| {
             let nearest: Vec<_> = points.par_iter().map(|point| registration.nearest(*point)).collect();
@@ -213,15 +225,6 @@ impl Avatar {
         self.shade(&posed, &canonical, &mut mesh)?;
         mesh.vertices.iter_mut().for_each(|vertex| *vertex += parameters.transl);
         Ok(Extraction { mesh, dropped_components })
-    }
-
-    fn posed_field<'a>(
-        &'a self,
-        bones: &'a [BoneTransform<f32>],
-        embedded: &'a [f32],
-        groups: &'a xavatar_deformer::StartGroups,
-    ) -> PosedField<'a> {
-        PosedField { fields: &self.fields, bones, embedded, groups, settings: &self.config.search }
     }
 
     fn grid(&self, minimum: Vec3, maximum: Vec3, resolution: usize) -> ExtractionGrid {

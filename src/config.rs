@@ -33,6 +33,8 @@ pub struct Config {
     pub search: SearchSettings,
     /// Which bones start the search.
     pub starts: Starts,
+    /// On which field the search runs.
+    pub searched_field: SearchedField,
     /// Points drawn from each frame.
     pub sampling: SamplingSettings,
     /// Weights of the loss terms.
@@ -83,6 +85,21 @@ pub enum Starts {
     Body,
     /// All bones for every point (ablation A2).
     All,
+}
+
+/// The skinning field that the search evaluates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "kind", deny_unknown_fields)]
+pub enum SearchedField {
+    /// The network itself (thesis).
+    Exact,
+    /// Its weights on a grid over the canonical box; each root is then polished on the network.
+    Baked {
+        /// Nodes of the grid along x, y and z.
+        nodes: [usize; 3],
+        /// Training steps after which the network is sampled anew.
+        refresh_steps: u64,
+    },
 }
 
 /// Where surface points are drawn.
@@ -261,6 +278,12 @@ impl Config {
         positive("schedule.checkpoint_steps", self.schedule.checkpoint_steps as f64)?;
         positive("schedule.checkpoints_kept", self.schedule.checkpoints_kept as f64)?;
         positive("fields.skinning.blend", self.fields.skinning.blend.into())?;
+        if let SearchedField::Baked { nodes, refresh_steps } = self.searched_field {
+            positive("searched_field.refresh_steps", refresh_steps as f64)?;
+            for count in nodes {
+                within("searched_field.nodes", count as f64, 512.0)?;
+            }
+        }
         within("sampling.wide_share", self.sampling.wide_share.into(), 1.0)?;
         positive("sampling.wide_deviation", self.sampling.wide_deviation.into())?;
         within("fields.condition_dropout", self.fields.condition_dropout, 1.0)?;

@@ -3,15 +3,17 @@
 //! Every valid candidate of the search is a point of the body; their union wins: maximum occupancy, minimum distance.
 //! N points; canonical and deformed coordinates in metres, the registration's translation subtracted.
 
+use glam::Vec3;
 use rayon::prelude::*;
 use xavatar_deformer::{
-    BoneTransform, Candidates, ExactWarp, SearchSettings, SearchStatistics, StartGroups, bone_transform, search,
+    BakedWeights, BoneTransform, Candidates, ExactWarp, SearchSettings, SearchStatistics, StartGroups, bone_transform,
+    search, search_and_polish,
 };
-use xavatar_network::Trace;
+use xavatar_network::{SkinningField, Trace};
 
 use crate::Result;
 use crate::body::{FULL_GROUP, JOINTS, Part};
-use crate::config::Starts;
+use crate::config::{SearchedField, Starts};
 use crate::fields::Fields;
 
 /// Rows a thread evaluates at a time.
@@ -66,6 +68,25 @@ pub struct PosedField<'a> {
     pub groups: &'a StartGroups,
     /// When starts are given up.
     pub settings: &'a SearchSettings,
+    /// The skinning field on a grid, to search on before the field itself polishes the roots.
+    pub baked: Option<&'a BakedWeights<f32>>,
+}
+
+/// Samples a skinning field on the grid over `bounds` that the search runs on; none if it runs on the field itself.
+///
+/// # Errors
+/// If the box is empty or the grid too large.
+pub fn bake(
+    field: &SkinningField<f32>,
+    searched: SearchedField,
+    bounds: (Vec3, Vec3),
+) -> Result<Option<BakedWeights<f32>>> {
+    match searched {
+        SearchedField::Exact => Ok(None),
+        SearchedField::Baked { nodes, .. } => {
+            Ok(Some(BakedWeights::sample(field, bounds.0.to_array(), bounds.1.to_array(), nodes)?))
+        }
+    }
 }
 
 impl PosedField<'_> {
@@ -79,7 +100,13 @@ impl PosedField<'_> {
         labels: &[u8],
     ) -> Result<(Vec<Option<Correspondence>>, SearchStatistics)> {
         let warp = ExactWarp::new(&self.fields.skinning, self.bones)?;
-        let candidates = search(&warp, self.groups, points, Some(labels), self.settings)?;
+        let candidates = match self.baked {
+            None => search(&warp, self.groups, points, Some(labels), self.settings)?,
+            Some(baked) => {
+                let fast = baked.warp(self.bones)?;
+                search_and_polish(&fast, &warp, self.groups, points, Some(labels), self.settings)?
+            }
+        };
         let values = self.geometry(&candidates.points);
         Ok((self.winners(&candidates, &values), candidates.statistics))
     }

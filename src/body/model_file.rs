@@ -44,14 +44,15 @@ impl ModelFile<'_> {
         let array = self.array(key, shape)?;
         let values = array.to_f64().ok_or_else(|| self.malformed(key, "text", "numbers"))?;
         // f32 is what the values become; a number beyond it would silently turn infinite.
-        self.require_finite(key, values.iter().map(|value| *value as f32))?;
+        self.require_sound(key, array, values.iter().map(|value| *value as f32))?;
         Ok((values, &array.shape))
     }
 
     /// As [`floats`](Self::floats), in half the memory: for the largest array.
     pub(super) fn floats_f32(&self, key: &str, shape: &[usize]) -> Result<Vec<f32>> {
-        let values = self.array(key, shape)?.to_f32().ok_or_else(|| self.malformed(key, "text", "numbers"))?;
-        self.require_finite(key, values.iter().copied())?;
+        let array = self.array(key, shape)?;
+        let values = array.to_f32().ok_or_else(|| self.malformed(key, "text", "numbers"))?;
+        self.require_sound(key, array, values.iter().copied())?;
         Ok(values)
     }
 
@@ -65,8 +66,13 @@ impl ModelFile<'_> {
         Ok(array)
     }
 
-    fn require_finite(&self, key: &str, mut values: impl Iterator<Item = f32>) -> Result<()> {
-        match values.position(|value| !value.is_finite()) {
+    /// As many elements as the shape says, all finite.
+    fn require_sound(&self, key: &str, array: &Array, values: impl ExactSizeIterator<Item = f32>) -> Result<()> {
+        let elements = array.shape.iter().try_fold(1usize, |product, extent| product.checked_mul(*extent));
+        if elements != Some(values.len()) {
+            return Err(self.malformed(key, format!("{} elements", values.len()), shape_text(&array.shape)));
+        }
+        match values.into_iter().position(|value| !value.is_finite()) {
             Some(at) => Err(self.malformed(key, format!("not a finite number at element {at}"), "finite numbers")),
             None => Ok(()),
         }

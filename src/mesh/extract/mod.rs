@@ -1,8 +1,8 @@
 //! Multi-resolution marching cubes (Lorensen & Cline 1987; METHOD §6): scalar field -> closed, indexed, outward mesh.
 //!
-//! A coarse lattice finds where the surface is; cells it crosses, and their neighbours, are halved until there are 64 along
-//! the longest side (as X-Avatar's extraction does, so that thin parts are not lost); from there the surface is followed from
-//! cell to cell at full resolution. Only corners of cells that it crosses are evaluated there, each once, in batches.
+//! A coarse lattice finds where the surface is; cells it crosses, and their neighbours, are halved until there are 64 to 127
+//! along the longest side (as in X-Avatar's extraction, so that thin parts are not lost); from there the surface is followed
+//! from cell to cell at full resolution. Only corners of cells it crosses are evaluated there, each once, in batches.
 //! Parts that no lattice point of the search sees and that touch no other part are not found.
 //!
 //! Every edge has exactly two faces: ambiguous cube faces are decided from the face alone. A surface that leaves the box is
