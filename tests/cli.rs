@@ -239,7 +239,6 @@ fn a_run_that_was_stopped_and_killed_ends_like_one_that_was_left_alone() {
     assert!(printed.contains("--resume"), "{printed}");
     assert_outcome(&start, 1, &["not empty", "--resume"]);
     assert_outcome(&[&resume[..], &["--set", "losses.normal=0.7"]].concat(), 1, &["losses.normal = ", "not 0.7"]);
-    assert_outcome(&[&resume[..], &["--preset", "quick"]].concat()[..], 2, &["--preset"]);
 
     let (code, _) = interrupt(&resume, &broken, 75, "-KILL");
     assert_eq!(code, None, "killed in the middle");
