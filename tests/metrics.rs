@@ -5,8 +5,8 @@
 use glam::{Quat, Vec3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use xavatar::body::{Part, PartLabelSource, PartLabels};
-use xavatar::evaluate::{FrameMetrics, PartMetrics, Registration, compare};
+use xavatar::body::{Part, PartLabelSource, PartLabels, Registration};
+use xavatar::evaluate::{FrameMetrics, PartMetrics, compare};
 use xavatar::mesh::{TriangleMesh, read_ply};
 
 const SAMPLES: usize = 20_000;

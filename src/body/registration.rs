@@ -1,4 +1,4 @@
-//! Which part of the body a point belongs to: that of the nearest registered vertex (METHOD: thesis 5.1.4).
+//! Which part of the body a point belongs to: that of the nearest registered vertex (thesis 5.1.4).
 //!
 //! V vertices; world coordinates, metres. Of equally near vertices any may answer, the same one every time.
 
@@ -43,5 +43,44 @@ impl<'a> Registration<'a> {
     pub fn nearest(&self, point: Vec3) -> (Part, f32) {
         let found = self.tree.query(&point.to_array()).nearest_one::<SquaredEuclidean<f32>>().execute();
         (self.parts[found.item as usize], found.distance.sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::body::PartLabelSource;
+
+    fn labels(count: usize) -> PartLabels {
+        let parts = (0..count).map(|vertex| Part::ALL[vertex % 4]).collect();
+        PartLabels { parts, eyes_mouth: vec![false; count], source: PartLabelSource::SkinningWeights }
+    }
+
+    #[test]
+    fn the_nearest_vertex_of_all_answers() {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let vertices: Vec<Vec3> = (0..500).map(|_| random.random::<[f32; 3]>().into()).collect();
+        let labels = labels(vertices.len());
+        let registration = Registration::new(&vertices, &labels).unwrap();
+        for _ in 0..500 {
+            let point = Vec3::from(random.random::<[f32; 3]>()) * 2.0 - 0.5;
+            let distance = |vertex: usize| vertices[vertex].distance(point);
+            let nearest = (0..vertices.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap();
+            let (part, found) = registration.nearest(point);
+            assert_eq!(part, labels.parts[nearest]);
+            assert!((found - distance(nearest)).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn coinciding_vertices_do_no_harm() {
+        let mut vertices = vec![Vec3::ONE; 3000];
+        vertices.extend(vec![Vec3::new(1.0, 2.0, 1.0); 3000]);
+        let labels = labels(vertices.len());
+        let (_, distance) = Registration::new(&vertices, &labels).unwrap().nearest(Vec3::new(1.0, 1.9, 1.0));
+        assert!((distance - 0.1).abs() < 1e-6);
     }
 }

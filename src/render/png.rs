@@ -1,30 +1,23 @@
 //! PNG files that are either complete or not there.
 
-use std::io::BufWriter;
+use std::io;
 use std::path::Path;
 
 use image::{ExtendedColorType, ImageEncoder, RgbImage, codecs::png::PngEncoder};
 
-use crate::{Error, Result};
+use crate::Result;
+use crate::atomic_file::write_atomically;
 
-/// Writes a picture to `path`: under a temporary name in the same folder first, then renamed.
+/// Writes a picture to `path`; what stood there before stays until the new one is complete.
 ///
 /// # Errors
-/// [`Error::Io`] if the folder does not exist or the disk is full; nothing is left behind then.
+/// [`Error::Io`](crate::Error::Io) if the folder does not exist or the disk is full.
 pub fn write_png(path: impl AsRef<Path>, picture: &RgbImage) -> Result<()> {
-    let path = path.as_ref();
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    // Temporary files are private by default; pictures are for everyone the umask allows.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.prefix(".picture-").suffix(".png").tempfile_in(folder).map_err(Error::io(path))?;
-    PngEncoder::new(BufWriter::new(&mut file))
-        .write_image(picture.as_raw(), picture.width(), picture.height(), ExtendedColorType::Rgb8)
-        .map_err(|failure| Error::io(path)(std::io::Error::other(failure)))?;
-    file.as_file().sync_all().map_err(Error::io(path))?;
-    file.persist(path).map_err(|failure| Error::io(path)(failure.error))?;
-    Ok(())
+    write_atomically(path.as_ref(), |writer| {
+        PngEncoder::new(writer)
+            .write_image(picture.as_raw(), picture.width(), picture.height(), ExtendedColorType::Rgb8)
+            .map_err(io::Error::other)
+    })
 }
 
 #[cfg(test)]
