@@ -46,8 +46,9 @@ fn a_good_subject_has_no_problems() {
     assert_eq!(report.sequences.iter().map(|sequence| sequence.frames).collect::<Vec<_>>(), [2, 1]);
     assert_eq!((report.measured_frames, report.watertight_scans), (3, 3));
     assert!((1.4..2.0).contains(&report.body_height), "{}", report.body_height);
-    let hand = report.distances["left hand"];
-    assert!(hand.median_mm < 5.0 && hand.percentile_95_mm > hand.median_mm, "{hand:?}");
+    let (bare, clothed) = (report.distances["left hand"], report.distances["body"]);
+    assert!(bare.percentile_95_mm < 1.0, "{bare:?}");
+    assert!((3.0..30.0).contains(&clothed.median_mm) && clothed.percentile_95_mm > clothed.median_mm, "{clothed:?}");
 }
 
 #[test]

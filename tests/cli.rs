@@ -6,13 +6,15 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use tempfile::TempDir;
+use xavatar::avatar::Avatar;
 
 /// Networks and samples so small that a step takes milliseconds.
-const TINY: [&str; 8] = [
-    "fields.geometry.width=32",
-    "fields.geometry.depth=3",
-    "fields.texture.width=16",
-    "fields.skinning.width=16",
+const TINY: [&str; 9] = [
+    "fields.geometry.width=48",
+    "fields.geometry.frequencies=2",
+    "fields.texture.width=32",
+    "fields.texture.frequencies=1",
+    "fields.skinning.width=32",
     "sampling.points=200",
     "losses.eikonal_points=64",
     "schedule.pretraining_steps=40",
@@ -97,7 +99,7 @@ fn wrong_usage_exits_with_2_before_anything_is_read() {
         (vec!["fly"], "fly"),
         (vec!["train"], "--body"),
         (with(&["--minutes", "1", "--steps", "1"]), "cannot be used with"),
-        (with(&["--minutes", "-1"]), "--minutes"),
+        (with(&["--minutes=-1"]), "--minutes"),
         (with(&["--minutes", "nan"]), "minutes"),
         (with(&["--steps", "0"]), "--steps"),
         (with(&["--threads", "0"]), "--threads"),
@@ -207,40 +209,45 @@ fn an_interrupted_animation_goes_on_and_does_not_mix_with_another() {
     assert_outcome(&animate, 1, &["not of the same animation"]);
 }
 
+/// Starts training, sends a signal once so many steps are noted, and returns the exit code, if any, and what was printed.
 #[cfg(unix)]
-#[test]
-fn a_stopped_run_says_how_to_resume_and_ends_like_one_that_was_not_stopped() {
-    let folder = tempfile::tempdir().unwrap();
-    let (whole, stopped) = (folder.path().join("whole"), folder.path().join("stopped"));
-    let steps = 60;
-    assert_outcome(&borrowed(&training(&whole, steps)), 0, &[]);
-
-    let arguments = training(&stopped, steps);
-    let child = xavatar(&borrowed(&arguments)).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let metrics = stopped.join("metrics.jsonl");
+fn interrupt(arguments: &[&str], run: &Path, steps: usize, signal: &str) -> (Option<i32>, String) {
+    let child = xavatar(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let deadline = Instant::now() + Duration::from_secs(60);
-    while std::fs::read_to_string(&metrics).unwrap_or_default().lines().count() < 12 {
+    while std::fs::read_to_string(run.join("metrics.jsonl")).unwrap_or_default().lines().count() < steps {
         assert!(Instant::now() < deadline, "no steps were made");
         std::thread::sleep(Duration::from_millis(5));
     }
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
     let output = child.wait_with_output().unwrap();
-    let printed = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(3), "{printed}");
-    assert!(printed.contains("--resume"), "{printed}");
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
 
-    assert_outcome(&borrowed(&arguments), 1, &["not empty", "--resume"]);
-    let resume = |more: &[&'static str]| {
-        let arguments = borrowed(&arguments).into_iter().chain(["--resume"]).chain(more.iter().copied());
-        arguments.collect::<Vec<_>>().join("\u{0}")
-    };
-    let contradiction = resume(&["--set", "losses.normal=0.7"]);
-    let contradiction: Vec<&str> = contradiction.split('\u{0}').collect();
-    assert_outcome(&contradiction, 1, &["losses.normal"]);
-    let resume = resume(&[]);
-    assert_outcome(&resume.split('\u{0}').collect::<Vec<_>>(), 0, &["avatar.safetensors"]);
-    let avatar = |run: &Path| std::fs::read(run.join("avatar.safetensors")).unwrap();
-    assert!(avatar(&whole) == avatar(&stopped), "the avatars differ");
+#[cfg(unix)]
+#[test]
+fn a_run_that_was_stopped_and_killed_ends_like_one_that_was_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
+    let steps = 60;
+    assert_outcome(&borrowed(&training(&whole, steps)), 0, &[]);
+
+    let arguments = training(&broken, steps);
+    let start = borrowed(&arguments);
+    let resume = [&start[..], &["--resume"]].concat();
+    let (code, printed) = interrupt(&start, &broken, 50, "-INT");
+    assert_eq!(code, Some(3), "{printed}");
+    assert!(printed.contains("--resume"), "{printed}");
+    assert_outcome(&start, 1, &["not empty", "--resume"]);
+    assert_outcome(&[&resume[..], &["--set", "losses.normal=0.7"]].concat(), 1, &["losses.normal = ", "not 0.7"]);
+
+    let (code, _) = interrupt(&resume, &broken, 75, "-KILL");
+    assert_eq!(code, None, "killed in the middle");
+    assert_outcome(&resume, 0, &["avatar.safetensors"]);
+    let parameters =
+        |run: &Path| Avatar::load(run).unwrap().fields.networks().map(|network| network.parameters().to_vec());
+    assert!(parameters(&whole) == parameters(&broken), "the parameters differ");
+    let steps = |run: &Path| std::fs::read_to_string(run.join("metrics.jsonl")).unwrap().lines().count();
+    assert_eq!(steps(&whole), steps(&broken), "a step is noted once");
 }
 
 #[test]

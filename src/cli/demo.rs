@@ -1,6 +1,7 @@
 //! `xavatar demo`: the whole path on the built-in subject, which needs no data: train, extract, measure, picture.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail};
 use rayon::prelude::*;
@@ -93,14 +94,19 @@ impl Demo {
         };
         let begin = if resumes { Trainer::resume } else { Trainer::start };
         let mut trainer = begin(&config, &frames, body, labels, &self.out, &mut progress)?;
-        let ending = trainer.run(stop, &mut progress)?;
-        if ending == Ending::Stopped {
-            progress.finish();
-            eprintln!("stopped; the same command again goes on");
-            return Ok(Outcome::Stopped);
+        let trained = trainer.run(stop, &mut progress)?;
+        let shown = match trained {
+            Ending::Finished => self.show(&trainer.avatar(), &subject, size, stop, &mut progress)?,
+            Ending::Stopped => Ending::Stopped,
+        };
+        match shown {
+            Ending::Finished => Ok(Outcome::Done),
+            Ending::Stopped => {
+                progress.finish();
+                eprintln!("stopped; the same command again goes on");
+                Ok(Outcome::Stopped)
+            }
         }
-        self.show(&trainer.avatar(), &subject, size, &mut progress)?;
-        Ok(Outcome::Done)
     }
 
     /// Written last: its presence says that the demo is complete.
@@ -126,14 +132,18 @@ impl Demo {
         avatar: &Avatar,
         subject: &BuiltInSubject,
         size: &Size,
+        stop: &AtomicBool,
         progress: &mut Progress,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<Ending> {
         let meshes = self.out.join("meshes");
         outputs::existing_folder(&meshes)?;
         let unseen = Filmed::new(subject, Split::Test, size.unseen_frames)?;
         let mut gallery = Gallery::new(size.picture);
         let mut posed: Vec<TriangleMesh> = Vec::new();
         for (index, frame) in unseen.frames.iter().enumerate() {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(Ending::Stopped);
+            }
             let share = index as f64 / (unseen.frames.len() + 1) as f64;
             progress.show("meshes", share, &format!("unseen pose {}", index + 1));
             let mesh =
@@ -148,6 +158,7 @@ impl Demo {
         let picture = self.out.join("demo.png");
         gallery.write(&canonical, &picture)?;
 
+        progress.show("metrics", 0.0, "measuring");
         let evaluation = Evaluation {
             body: subject.model(),
             labels: subject.part_labels(),
@@ -157,9 +168,7 @@ impl Demo {
         };
         // Frames of one take are numbered from 1 in order.
         let predict = |frame: &ScanFrame| Ok(posed[frame.id.number as usize - 1].clone());
-        let report = evaluation.run(unseen.frames.iter().cloned().map(Ok), predict, |frame| {
-            progress.show("metrics", 0.0, &frame.frame);
-        })?;
+        let report = evaluation.run(unseen.frames.iter().cloned().map(Ok), predict, |_| {})?;
         progress.finish();
         outputs::write_json(&self.metrics_file(), &report)?;
         println!("{} poses that were not trained on, against the subject's own surface\n{report}", posed.len());
@@ -167,7 +176,7 @@ impl Demo {
         println!("meshes   {}", meshes.display());
         println!("metrics  {}", self.metrics_file().display());
         println!("avatar   {}", self.out.join(Avatar::FILE).display());
-        Ok(())
+        Ok(Ending::Finished)
     }
 }
 

@@ -72,10 +72,21 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Unfit) => EXIT_FAILED.into(),
         Ok(Outcome::Stopped) => EXIT_STOPPED.into(),
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", message(&error));
             if error.is::<WrongUsage>() { EXIT_WRONG_USAGE } else { EXIT_FAILED }.into()
         }
     }
+}
+
+/// The error and its causes, each once: many messages quote their cause already.
+fn message(error: &anyhow::Error) -> String {
+    let mut message = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !message.contains(&cause) {
+            message = format!("{message}: {cause}");
+        }
+    }
+    message
 }
 
 fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
