@@ -176,8 +176,15 @@ impl Avatar {
         let baked = bake(&self.fields.skinning, self.config.searched_field, self.subject.bounds)?;
         let settings = &self.config.search;
         let fields = &self.fields;
-        let posed =
-            PosedField { fields, bones: &bones, embedded: &embedded, groups: &groups, settings, baked: baked.as_ref() };
+        let posed = PosedField {
+            fields,
+            bones: &bones,
+            embedded: &embedded,
+            groups: &groups,
+            settings,
+            baked: baked.as_ref(),
+            bounds: self.subject.bounds,
+        };
 
         let query = |points: &[Vec3]| {
             let nearest: Vec<_> = points.par_iter().map(|point| registration.nearest(*point)).collect();

@@ -130,6 +130,10 @@ pub struct SamplingSettings {
     pub points: usize,
     /// Further points drawn uniformly in the cube of `extent`.
     pub uniform_points: usize,
+    /// Canonical points drawn in the canonical box, kept where the body model alone decides between inside and outside.
+    ///
+    /// Not in the thesis: without them, space that only ever poses into the body may become body, and shows in a new pose.
+    pub far_points: usize,
     /// Half the edge of that cube, metres.
     pub extent: f32,
     /// Standard deviation of the noise that moves surface points off the surface, metres.

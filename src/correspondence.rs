@@ -70,6 +70,8 @@ pub struct PosedField<'a> {
     pub settings: &'a SearchSettings,
     /// The skinning field on a grid, to search on before the field itself polishes the roots.
     pub baked: Option<&'a BakedWeights<f32>>,
+    /// The canonical box; what is outside it is no part of the body.
+    pub bounds: (Vec3, Vec3),
 }
 
 /// Samples a skinning field on the grid over `bounds` that the search runs on; none if it runs on the field itself.
@@ -128,9 +130,14 @@ impl PosedField<'_> {
         let representation = self.fields.geometry.representation;
         let better =
             |best: usize, index: usize| if representation.prefers(values[index], values[best]) { index } else { best };
+        let (low, high) = self.bounds;
+        let in_bounds = |index: usize| {
+            let point = Vec3::from_array(candidates.points[index]);
+            point.cmpge(low).all() && point.cmple(high).all()
+        };
         (0..candidates.len())
             .map(|point| {
-                let winner = candidates.range(point).reduce(better)?;
+                let winner = candidates.range(point).filter(|index| in_bounds(*index)).reduce(better)?;
                 Some(Correspondence { canonical: candidates.points[winner], value: values[winner] })
             })
             .collect()

@@ -53,6 +53,8 @@ fn losses_and_gradients_match() {
         bones: bones.chunks_exact(16).map(|bone| std::array::from_fn(|index| bone[index])).collect(),
         off_points: golden.points("x_canonical_off"),
         off_targets: golden.get("occupancy"),
+        far_points: Vec::new(),
+        far_targets: Vec::new(),
         on_points: golden.points("x_canonical_on"),
         on_normals: golden.points("normal"),
         on_colours: golden.points("colour"),

@@ -39,6 +39,10 @@ pub struct CanonicalBatch<T> {
     pub off_points: Vec<[T; 3]>,
     /// Of each: 1 inside and 0 outside for occupancy; else the signed distance, metres.
     pub off_targets: Vec<T>,
+    /// Canonical points that are far from the surface whatever the frame, on a side that is known.
+    pub far_points: Vec<[T; 3]>,
+    /// Of each: what `off_targets` holds.
+    pub far_targets: Vec<T>,
     /// P_on: canonical points.
     pub on_points: Vec<[T; 3]>,
     /// Of each: the unit normal of the deformed surface.
@@ -74,6 +78,7 @@ pub type LossTerms = BTreeMap<&'static str, f64>;
 #[derive(Clone, Debug)]
 enum Block {
     Off(Range<usize>),
+    Far(Range<usize>),
     On(Range<usize>),
     Bone(Range<usize>),
     Joint(Range<usize>),
@@ -227,6 +232,7 @@ impl<T: Real> Frame<'_, T> {
         };
         cut(normal + colour + distance > 0.0, batch.on_points.len(), Block::On);
         cut(occupancy + distance > 0.0, batch.off_points.len(), Block::Off);
+        cut(occupancy + distance > 0.0, batch.far_points.len(), Block::Far);
         cut(eikonal > 0.0, batch.eikonal_points.len(), Block::Eikonal);
         cut(bone > 0.0, batch.bone_points.len(), Block::Bone);
         cut(surface > 0.0, batch.surface_weights.points.len(), Block::Surface);
@@ -244,7 +250,15 @@ impl<T: Real> Frame<'_, T> {
 impl<T: Real> Worker<T> {
     fn run(&mut self, frame: &Frame<T>, block: &Block) -> Result<()> {
         match block {
-            Block::Off(rows) => self.off_surface(frame, rows.clone()),
+            Block::Off(rows) => {
+                let batch = frame.batch;
+                let points = &batch.off_points[rows.clone()];
+                self.off_surface(frame, points, &batch.off_targets[rows.clone()], batch.implicit_gradient)
+            }
+            Block::Far(rows) => {
+                let batch = frame.batch;
+                self.off_surface(frame, &batch.far_points[rows.clone()], &batch.far_targets[rows.clone()], false)
+            }
             Block::On(rows) => self.on_surface(frame, rows.clone()),
             Block::Eikonal(rows) => {
                 self.eikonal(frame, rows.clone());
@@ -279,10 +293,9 @@ impl<T: Real> Worker<T> {
         }
     }
 
-    fn off_surface(&mut self, frame: &Frame<T>, rows: Range<usize>) -> Result<()> {
+    fn off_surface(&mut self, frame: &Frame<T>, points: &[[T; 3]], targets: &[T], implicit: bool) -> Result<()> {
         let Frame { fields, batch, losses, .. } = frame;
-        let (points, targets) = (&batch.off_points[rows.clone()], &batch.off_targets[rows]);
-        let total = batch.off_points.len();
+        let total = batch.off_points.len() + batch.far_points.len();
         fields.geometry.mlp.forward(&mut self.geometry, points.as_flattened(), frame.embedded, &[]);
         self.buffers.values.clear();
         let outputs = self.geometry.output().iter().zip(targets);
@@ -307,11 +320,11 @@ impl<T: Real> Worker<T> {
                 self.add_term("distance", sum, total);
             }
         }
-        let wanted = if batch.implicit_gradient { Backward::ParametersAndPoints } else { Backward::Parameters };
+        let wanted = if implicit { Backward::ParametersAndPoints } else { Backward::Parameters };
         let Self { geometry, gradients, buffers, .. } = self;
         let on_embedded = fields.geometry.mlp.backward(geometry, &buffers.values, None, wanted, &mut gradients[0]);
         self.add_embedded(&on_embedded);
-        if batch.implicit_gradient { self.implicit_gradient(frame, points) } else { Ok(()) }
+        if implicit { self.implicit_gradient(frame, points) } else { Ok(()) }
     }
 
     /// Carries the cotangent of roots x_c, left in the geometry's trace, to the skinning field: -J^-T x_c_bar on d_w at fixed x_c.

@@ -30,6 +30,15 @@ const VOLUME_SPREAD: f32 = 0.06;
 /// How far below the surface weights are supervised, metres.
 const VOLUME_DEPTH: f32 = 0.12;
 
+/// Room around the canonical body for clothes and hair, metres.
+const MARGIN: f32 = 0.2;
+/// Spread of the far points around the body, metres.
+const FAR_SPREAD: f32 = 0.15;
+/// Distance from the unclothed body from which a point is outside, metres.
+const CERTAINLY_OUTSIDE: f32 = 0.08;
+/// Depth in the unclothed body from which a point is inside, metres.
+const CERTAINLY_INSIDE: f32 = 0.03;
+
 const IDENTITY: BoneTransform<f32> = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
 /// The subject's canonical body: what stage 0 fits, and what keeps the skinning field in place later.
@@ -125,6 +134,32 @@ impl<'a> CanonicalBody<'a> {
         (0..count).map(|_| point()).collect()
     }
 
+    /// Adds points of the canonical box that are outside whatever is worn, or inside for certain; half of `count` around the body.
+    pub fn far(
+        &self,
+        count: usize,
+        representation: Representation,
+        random: &mut ChaCha8Rng,
+        batch: &mut CanonicalBatch<f32>,
+    ) {
+        let body = &self.expressions[0];
+        let (low, high) = self.bounds();
+        let mut draw = |index: usize| match index % 2 {
+            0 => low + (high - low) * Vec3::from_array(random.random()),
+            _ => body.mesh.position_at(&body.sampler.sample(random)) + FAR_SPREAD * normal_vector(random),
+        };
+        let points: Vec<Vec3> = (0..count).map(&mut draw).collect();
+        for (point, (distance, _)) in points.iter().zip(body.solid.signed_distances(&points)) {
+            if !(-CERTAINLY_INSIDE..CERTAINLY_OUTSIDE).contains(&distance) {
+                batch.far_points.push(point.to_array());
+                batch.far_targets.push(match representation {
+                    Representation::Occupancy => f32::from(distance < 0.0),
+                    Representation::SignedDistance => distance,
+                });
+            }
+        }
+    }
+
     /// The batch of one step of stage 0.
     pub fn batch(&self, config: &Config, random: &mut ChaCha8Rng) -> CanonicalBatch<f32> {
         let body = &self.expressions[random.random_range(0..self.expressions.len())];
@@ -175,12 +210,12 @@ impl<'a> CanonicalBody<'a> {
         LossSettings { colour: 0.0, ..losses.clone() }
     }
 
-    /// The box around the canonical body, `margin` metres larger on all sides.
-    pub fn bounds(&self, margin: f32) -> (Vec3, Vec3) {
+    /// The canonical box: the body and room around it.
+    pub fn bounds(&self) -> (Vec3, Vec3) {
         let corner = |fold: fn(Vec3, Vec3) -> Vec3, start: Vec3| {
             self.vertices.iter().map(|vertex| Vec3::from_array(*vertex)).fold(start, fold)
         };
-        (corner(Vec3::min, Vec3::INFINITY) - margin, corner(Vec3::max, Vec3::NEG_INFINITY) + margin)
+        (corner(Vec3::min, Vec3::INFINITY) - MARGIN, corner(Vec3::max, Vec3::NEG_INFINITY) + MARGIN)
     }
 
     /// The canonical joints.

@@ -43,8 +43,6 @@ const PRETRAINING_SHARE: f64 = 0.15;
 const WEIGHT_POINTS: usize = 1024;
 /// Spread of the Eikonal points around canonical vertices, metres (METHOD section 5).
 const EIKONAL_SPREAD: f32 = 0.05;
-/// Room around the canonical body for clothes and hair, metres.
-const MARGIN: f32 = 0.2;
 const PREVIEW_RESOLUTION: usize = 128;
 const PREVIEW_WIDTH: u32 = 480;
 const PREVIEW_HEIGHT: u32 = 640;
@@ -152,7 +150,7 @@ impl<'a> Trainer<'a> {
             state.load(newest)?;
         }
         // The grid that an uninterrupted run would be searching on.
-        let bounds = canonical.bounds(MARGIN);
+        let bounds = canonical.bounds();
         let mut baked = None;
         if let Some(parameters) = &state.baked_skinning {
             let mut field = state.fields.skinning.clone();
@@ -387,6 +385,7 @@ impl<'a> Trainer<'a> {
             groups: &self.groups,
             settings: &self.config.search,
             baked: self.baked.as_ref(),
+            bounds: self.subject.bounds,
         };
         let in_frame = |error: Error| error.in_frame(frame.id.to_string());
         let (on, on_statistics) = posed.correspondences(&samples.on_points, &samples.on_labels).map_err(in_frame)?;
@@ -421,6 +420,8 @@ impl<'a> Trainer<'a> {
             }
         }
         self.canonical.anchor(WEIGHT_POINTS, &mut random, &mut batch);
+        let count = self.config.sampling.far_points;
+        self.canonical.far(count, fields.geometry.representation, &mut random, &mut batch);
         if self.config.losses.eikonal > 0.0 {
             let count = self.config.losses.eikonal_points;
             batch.eikonal_points = self.canonical.around(count, EIKONAL_SPREAD, &mut random);
