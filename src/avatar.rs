@@ -145,6 +145,7 @@ impl Avatar {
             groups: &groups,
             settings,
             baked: None,
+            bounds: self.subject.bounds,
         };
         let (minimum, maximum) = self.subject.bounds;
         let values = |points: &[Vec3], values: &mut [f32]| values.copy_from_slice(&posed.geometry(&arrays(points)));
