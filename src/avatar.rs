@@ -192,7 +192,7 @@ impl Avatar {
             let near: Vec<usize> = (0..points.len()).filter(|index| nearest[*index].1 < REACH).collect();
             let targets: Vec<_> = near.iter().map(|index| points[*index].to_array()).collect();
             let labels: Vec<_> = near.iter().map(|index| part_label(nearest[*index].0)).collect();
-            let (found, _) = posed.correspondences(&targets, &labels)?;
+            let found = posed.correspondences(&targets, &labels)?;
             let mut all = vec![None; points.len()];
             for (index, found) in near.into_iter().zip(found) {
                 all[index] = found;

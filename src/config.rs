@@ -35,6 +35,8 @@ pub struct Config {
     pub starts: Starts,
     /// On which field the search runs.
     pub searched_field: SearchedField,
+    /// Which candidate a training point is assigned to.
+    pub assignment: Assignment,
     /// Points drawn from each frame.
     pub sampling: SamplingSettings,
     /// Weights of the loss terms.
@@ -100,6 +102,16 @@ pub enum SearchedField {
         /// Training steps after which the network is sampled anew.
         refresh_steps: u64,
     },
+}
+
+/// Which of a training point's candidates is its correspondence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Assignment {
+    /// The one that the geometry field itself prefers (thesis).
+    Field,
+    /// The one deepest in the canonical body: a hand beside a thigh cannot grow a second hand onto the thigh.
+    Body,
 }
 
 /// Where surface points are drawn.

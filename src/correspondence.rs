@@ -6,8 +6,8 @@
 use glam::Vec3;
 use rayon::prelude::*;
 use xavatar_deformer::{
-    BakedWeights, BoneTransform, Candidates, ExactWarp, SearchSettings, SearchStatistics, StartGroups, bone_transform,
-    search, search_and_polish,
+    BakedWeights, BoneTransform, Candidates, ExactWarp, SearchSettings, StartGroups, bone_transform, search,
+    search_and_polish,
 };
 use xavatar_network::{SkinningField, Trace};
 
@@ -96,21 +96,44 @@ impl PosedField<'_> {
     ///
     /// # Errors
     /// Those of the search: a point that is not finite, bones that cannot be inverted.
-    pub fn correspondences(
-        &self,
-        points: &[[f32; 3]],
-        labels: &[u8],
-    ) -> Result<(Vec<Option<Correspondence>>, SearchStatistics)> {
+    pub fn correspondences(&self, points: &[[f32; 3]], labels: &[u8]) -> Result<Vec<Option<Correspondence>>> {
+        let candidates = self.candidates(points, labels)?;
+        let values = self.geometry(&candidates.points);
+        let representation = self.fields.geometry.representation;
+        let winners = self.winners(&candidates, |index, best| representation.prefers(values[index], values[best]));
+        let correspondence =
+            |index: usize| Correspondence { canonical: candidates.points[index], value: values[index] };
+        Ok(winners.into_iter().map(|winner| winner.map(correspondence)).collect())
+    }
+
+    /// All candidates of each point (N) with its part's label (N).
+    ///
+    /// # Errors
+    /// As [`PosedField::correspondences`].
+    pub fn candidates(&self, points: &[[f32; 3]], labels: &[u8]) -> Result<Candidates<f32>> {
         let warp = ExactWarp::new(&self.fields.skinning, self.bones)?;
-        let candidates = match self.baked {
+        Ok(match self.baked {
             None => search(&warp, self.groups, points, Some(labels), self.settings)?,
             Some(baked) => {
                 let fast = baked.warp(self.bones)?;
                 search_and_polish(&fast, &warp, self.groups, points, Some(labels), self.settings)?
             }
+        })
+    }
+
+    /// The candidate of each point that is in the canonical box and that no other is preferred to.
+    pub fn winners(
+        &self,
+        candidates: &Candidates<f32>,
+        is_preferred: impl Fn(usize, usize) -> bool,
+    ) -> Vec<Option<usize>> {
+        let (low, high) = self.bounds;
+        let in_bounds = |index: &usize| {
+            let point = Vec3::from_array(candidates.points[*index]);
+            point.cmpge(low).all() && point.cmple(high).all()
         };
-        let values = self.geometry(&candidates.points);
-        Ok((self.winners(&candidates, &values), candidates.statistics))
+        let better = |best: usize, index: usize| if is_preferred(index, best) { index } else { best };
+        (0..candidates.len()).map(|point| candidates.range(point).filter(in_bounds).reduce(better)).collect()
     }
 
     /// The geometry field's values (N) at canonical points (N).
@@ -124,22 +147,5 @@ impl PosedField<'_> {
             },
         );
         values
-    }
-
-    fn winners(&self, candidates: &Candidates<f32>, values: &[f32]) -> Vec<Option<Correspondence>> {
-        let representation = self.fields.geometry.representation;
-        let better =
-            |best: usize, index: usize| if representation.prefers(values[index], values[best]) { index } else { best };
-        let (low, high) = self.bounds;
-        let in_bounds = |index: usize| {
-            let point = Vec3::from_array(candidates.points[index]);
-            point.cmpge(low).all() && point.cmple(high).all()
-        };
-        (0..candidates.len())
-            .map(|point| {
-                let winner = candidates.range(point).filter(|index| in_bounds(*index)).reduce(better)?;
-                Some(Correspondence { canonical: candidates.points[winner], value: values[winner] })
-            })
-            .collect()
     }
 }

@@ -74,6 +74,7 @@ pub fn write_npz(path: impl AsRef<Path>, arrays: &ArrayMap) -> Result<()> {
             // The current time would make equal contents differ.
             let options = SimpleFileOptions::default()
                 .compression_method(CompressionMethod::Deflated)
+                .compression_level(Some(1))
                 .last_modified_time(DateTime::default())
                 .large_file(member.len() >= u32::MAX as usize / 2);
             archive.start_file(format!("{name}.npy"), options)?;

@@ -4,6 +4,7 @@
 //! `cache/`, `metrics.jsonl`, `checkpoints/`, `previews/`, and at the end `avatar.safetensors`.
 
 mod checkpoint;
+mod distance_grid;
 mod frame_store;
 pub mod losses;
 mod prepared;

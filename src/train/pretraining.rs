@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use xavatar_deformer::BoneTransform;
 use xavatar_network::Representation;
 
+use super::distance_grid::DistanceGrid;
 use super::losses::{CanonicalBatch, WeightTargets};
 use crate::Result;
 use crate::body::{BodyModel, Bone, JOINTS, Part, PartLabels, joint_weights};
@@ -35,7 +36,7 @@ const MARGIN: f32 = 0.2;
 /// Spread of the far points around the body, metres.
 const FAR_SPREAD: f32 = 0.15;
 /// Distance from the unclothed body from which a point is outside, metres.
-const CERTAINLY_OUTSIDE: f32 = 0.08;
+pub(super) const CERTAINLY_OUTSIDE: f32 = 0.08;
 /// Depth in the unclothed body from which a point is inside, metres.
 const CERTAINLY_INSIDE: f32 = 0.03;
 
@@ -49,6 +50,8 @@ pub(super) struct CanonicalBody<'a> {
     bone_points: Vec<[f32; 3]>,
     hands_and_face: Vec<usize>,
     expressions: Vec<ExpressiveBody>,
+    /// Of the body without expression.
+    distances: DistanceGrid,
 }
 
 /// The canonical body of one expression.
@@ -72,6 +75,7 @@ impl<'a> CanonicalBody<'a> {
             expressions.push(ExpressiveBody { expression, mesh, solid, sampler });
             expression = std::array::from_fn(|_| random.sample::<f32, _>(StandardNormal));
         }
+        let (low, high) = box_around(&expressions[0].mesh.vertices);
         let points_a_bone = config.losses.bone_points;
         Ok(Self {
             weights: body.skinning_weights(),
@@ -83,6 +87,7 @@ impl<'a> CanonicalBody<'a> {
                 .collect(),
             joints,
             hands_and_face: (0..labels.parts.len()).filter(|vertex| labels.parts[*vertex] != Part::Body).collect(),
+            distances: DistanceGrid::new(&expressions[0].solid, low, high),
             expressions,
         })
     }
@@ -149,7 +154,8 @@ impl<'a> CanonicalBody<'a> {
             _ => body.mesh.position_at(&body.sampler.sample(random)) + FAR_SPREAD * normal_vector(random),
         };
         let points: Vec<Vec3> = (0..count).map(&mut draw).collect();
-        for (point, (distance, _)) in points.iter().zip(body.solid.signed_distances(&points)) {
+        for point in points {
+            let distance = self.distance(point.to_array());
             if !(-CERTAINLY_INSIDE..CERTAINLY_OUTSIDE).contains(&distance) {
                 batch.far_points.push(point.to_array());
                 batch.far_targets.push(match representation {
@@ -212,16 +218,23 @@ impl<'a> CanonicalBody<'a> {
 
     /// The canonical box: the body and room around it.
     pub fn bounds(&self) -> (Vec3, Vec3) {
-        let corner = |fold: fn(Vec3, Vec3) -> Vec3, start: Vec3| {
-            self.vertices.iter().map(|vertex| Vec3::from_array(*vertex)).fold(start, fold)
-        };
-        (corner(Vec3::min, Vec3::INFINITY) - MARGIN, corner(Vec3::max, Vec3::NEG_INFINITY) + MARGIN)
+        box_around(&self.expressions[0].mesh.vertices)
+    }
+
+    /// Signed distance of a canonical point to the body, metres.
+    pub fn distance(&self, point: [f32; 3]) -> f32 {
+        self.distances.at(point)
     }
 
     /// The canonical joints.
     pub fn joints(&self) -> &[Vec3; JOINTS] {
         &self.joints
     }
+}
+
+fn box_around(vertices: &[Vec3]) -> (Vec3, Vec3) {
+    let corner = |fold: fn(Vec3, Vec3) -> Vec3| vertices.iter().copied().reduce(fold).unwrap_or_default();
+    (corner(Vec3::min) - MARGIN, corner(Vec3::max) + MARGIN)
 }
 
 fn normal_vector(random: &mut ChaCha8Rng) -> Vec3 {

@@ -14,19 +14,19 @@ use glam::Vec3;
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use xavatar_deformer::{BakedWeights, SearchStatistics, StartGroups};
+use xavatar_deformer::{BakedWeights, Candidates, SearchStatistics, StartGroups};
 use xavatar_network::{Adam, Representation, clipping_factor};
 
 use super::checkpoint::{Progress, State, checkpoints};
 use super::frame_store::FrameStore;
 use super::losses::{CanonicalBatch, LossEvaluator, LossTerms};
-use super::pretraining::CanonicalBody;
+use super::pretraining::{CERTAINLY_OUTSIDE, CanonicalBody};
 use super::{Event, Observer, Stage, StepRecord, sampling};
 use crate::atomic_file::write_atomically;
 use crate::avatar::{Avatar, Subject};
 use crate::body::{BodyModel, PartLabels};
-use crate::config::{Config, SearchedField};
-use crate::correspondence::{Correspondence, PosedField, bake, start_groups};
+use crate::config::{Assignment, Config, SearchedField};
+use crate::correspondence::{PosedField, bake, start_groups};
 use crate::data::FrameSource;
 use crate::fields::{CONDITION, Fields, skeleton_parents};
 use crate::render::{Camera, FRONT, Tile, View, contact_sheet, render_mesh, write_png};
@@ -388,10 +388,11 @@ impl<'a> Trainer<'a> {
             bounds: self.subject.bounds,
         };
         let in_frame = |error: Error| error.in_frame(frame.id.to_string());
-        let (on, on_statistics) = posed.correspondences(&samples.on_points, &samples.on_labels).map_err(in_frame)?;
-        let (off, off_statistics) =
-            posed.correspondences(&samples.off_points, &samples.off_labels).map_err(in_frame)?;
-        *statistics = statistics.and(on_statistics).and(off_statistics);
+        let on = posed.candidates(&samples.on_points, &samples.on_labels).map_err(in_frame)?;
+        let off = posed.candidates(&samples.off_points, &samples.off_labels).map_err(in_frame)?;
+        let assigned_on = self.assign(&posed, &on);
+        let assigned_off = self.assign(&posed, &off);
+        *statistics = statistics.and(on.statistics).and(off.statistics);
         add_time(record, "search", begin);
 
         let mut batch = CanonicalBatch {
@@ -400,9 +401,9 @@ impl<'a> Trainer<'a> {
             implicit_gradient: true,
             ..CanonicalBatch::default()
         };
-        for (index, found) in on.into_iter().enumerate() {
-            let Some(Correspondence { canonical, .. }) = found else { continue };
-            batch.on_points.push(canonical);
+        for (index, winner) in assigned_on.into_iter().enumerate() {
+            let Some(winner) = winner else { continue };
+            batch.on_points.push(on.points[winner]);
             batch.on_normals.push(samples.on_normals[index]);
             batch.on_colours.push(samples.on_colours[index]);
         }
@@ -410,10 +411,10 @@ impl<'a> Trainer<'a> {
             Representation::Occupancy => target > 0.5,
             Representation::SignedDistance => target < 0.0,
         };
-        for (found, target) in off.into_iter().zip(samples.off_targets) {
-            match found {
-                Some(Correspondence { canonical, .. }) => {
-                    batch.off_points.push(canonical);
+        for (winner, target) in assigned_off.into_iter().zip(samples.off_targets) {
+            match winner {
+                Some(winner) => {
+                    batch.off_points.push(off.points[winner]);
                     batch.off_targets.push(target);
                 }
                 None => record.inside_without_root += usize::from(inside(target)),
@@ -427,6 +428,23 @@ impl<'a> Trainer<'a> {
             batch.eikonal_points = self.canonical.around(count, EIKONAL_SPREAD, &mut random);
         }
         Ok(batch)
+    }
+
+    /// The candidate that each point is trained through.
+    fn assign(&self, posed: &PosedField, candidates: &Candidates<f32>) -> Vec<Option<usize>> {
+        match self.config.assignment {
+            Assignment::Field => {
+                let values = posed.geometry(&candidates.points);
+                let representation = posed.fields.geometry.representation;
+                posed.winners(candidates, |index, best| representation.prefers(values[index], values[best]))
+            }
+            Assignment::Body => {
+                let depths: Vec<f32> = candidates.points.iter().map(|point| self.canonical.distance(*point)).collect();
+                let winners = posed.winners(candidates, |index, best| depths[index] < depths[best]);
+                let is_possible = |winner: &usize| depths[*winner] < CERTAINLY_OUTSIDE;
+                winners.into_iter().map(|winner| winner.filter(is_possible)).collect()
+            }
+        }
     }
 
     /// Clips the gradients and moves the parameters.
