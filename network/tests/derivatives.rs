@@ -73,9 +73,9 @@ fn geometry_value_and_gradient_cotangents_reach_points_parameters_and_condition(
     mlp.parameter_gradient(&gradient, &mut on_parameters);
 
     let on_points = trace.point_cotangent().to_vec();
-    for index in 0..points.len() {
+    for (index, found) in on_points.iter().enumerate() {
         let expected = difference(&mut points, index, |points| loss(mlp, points, &condition));
-        assert_near("point", index, on_points[index], expected);
+        assert_near("point", index, *found, expected);
     }
     // The condition's gradient is the embedding weights' transpose of the embedded cotangent; its parameters are checked below.
     for index in 0..condition.len() {
@@ -154,17 +154,17 @@ fn weight_and_gradient_cotangents_reach_points_and_parameters() {
         field.mlp().parameter_gradient(&gradient, &mut on_parameters);
 
         let on_points = trace.point_cotangent().as_flattened().to_vec();
-        for index in 0..points.len() {
+        for (index, found) in on_points.iter().enumerate() {
             let expected = difference(&mut points, index, |points| loss(&field, points));
-            assert_near("point", index, on_points[index], expected);
+            assert_near("point", index, *found, expected);
         }
         let mut parameters = field.mlp().parameters().to_vec();
-        for index in 0..parameters.len() {
+        for (index, found) in on_parameters.iter().enumerate() {
             let expected = difference(&mut parameters, index, |changed| {
                 field.mlp_mut().update(|parameters| parameters.copy_from_slice(changed));
                 loss(&field, &points)
             });
-            assert_near("parameter", index, on_parameters[index], expected);
+            assert_near("parameter", index, *found, expected);
         }
     }
 }

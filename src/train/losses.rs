@@ -1,8 +1,7 @@
 //! The loss terms and their gradients at known canonical points (thesis ch. 4.3.1, METHOD section 5).
 //!
-//! L = occupancy BCE(P_off) + distance |f - d| (P_off, P_on) + normal ||n_d - n||^2 (P_on) + colour ||c - c_gt||_1 (P_on) +
-//! bone BCE(points on bones are inside) + joint, surface, volume ||w - w_gt||^2
-//!   + eikonal (|grad f| - 1)^2.
+//! L = occupancy BCE(P_off), or distance |f - d| (P_off, P_on), and normal ||n_d - n||^2, colour ||c - c_gt||_1 (P_on),
+//! bone BCE(points on bones are inside), joint, surface and volume ||w - w_gt||^2, eikonal (|grad f| - 1)^2; each times its weight.
 //! Means over points, sums over components. Where an off-surface point was found by the search, its cotangent goes on to the
 //! skinning field by the implicit function theorem.
 //!
