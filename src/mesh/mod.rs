@@ -2,7 +2,6 @@
 //!
 //! Metres, Y up; faces wind counter-clockwise seen from outside, so normals point outward.
 
-mod atomic;
 mod closest;
 mod components;
 mod extract;

@@ -9,7 +9,7 @@ use std::path::{Component, Path, PathBuf};
 use glam::{Vec2, Vec3};
 use image::{ImageFormat, ImageReader, Limits, RgbImage};
 
-use super::atomic::write_atomically;
+use crate::atomic_file::write_atomically;
 use crate::{Error, Result};
 
 /// Largest width or height read, pixels: a hostile header cannot ask for more memory than 1 GiB.

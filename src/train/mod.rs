@@ -10,6 +10,7 @@ pub mod losses;
 mod prepared;
 mod pretraining;
 mod sampling;
+mod step;
 mod trainer;
 
 use std::collections::BTreeMap;

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use crate::mesh::atomic::write_atomically;
+use crate::atomic_file::write_atomically;
 use crate::mesh::texture::write_texture;
 use crate::mesh::{Colouring, TriangleMesh};
 use crate::{Error, Result};

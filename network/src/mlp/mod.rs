@@ -1,0 +1,210 @@
+//! A weight-normalised softplus network and its derivatives, by hand, over blocks of rows (thesis ch. 4.2.1, fig. A.5).
+//!
+//! a_0 = [e(x) | condition], z_l = W_l a_l + b_l, a_(l+1) = softplus(z_l), output z_L; one layer's input may be [a | e(x)] / sqrt 2.
+//! With s = softplus'(z), the sweeps over the layers are:
+//!   forward   a_(l+1) = softplus(W_l a_l + b_l)                          value, features
+//!   down      u_(l-1) = s W_l^T u_l                                      input gradient g = e'(x)^T W_0^T u_0
+//!   up        p_l = W_l v_l, v_(l+1) = s p_l, v_0 = e'(x) g_bar          carries g's cotangent, leaves beta (1 - s) u p on z
+//!   backward  z_bar_(l-1) = s W_l^T z_bar_l + what up left               dW_l = z_bar a^T + u v^T
+//!
+//! Six matrix products a layer for a loss on g, three without. R rows a block, K tangent directions (0 or D), D coordinates,
+//! E encoded entries, C condition entries. A block's activations stay in cache from the first sweep to the last.
+
+mod initialise;
+mod shape;
+mod sweeps;
+
+use std::ops::Range;
+
+use crate::parameters::ParameterLayout;
+use crate::{Real, Result};
+
+pub use shape::MlpShape;
+pub use sweeps::{Backward, Trace};
+
+/// One linear layer's extents and places: in the parameters (v, g, b) and in the folded weights (W, b).
+#[derive(Clone, Debug)]
+struct Layer {
+    inputs: usize,
+    outputs: usize,
+    /// W = scale * g v / |v|: 1 / sqrt 2 where the encoded point is joined.
+    scale: f64,
+    direction: Range<usize>,
+    magnitude: Range<usize>,
+    bias: Range<usize>,
+    folded_weight: Range<usize>,
+    folded_bias: Range<usize>,
+}
+
+/// The linear layer that embeds the condition.
+#[derive(Clone, Debug)]
+struct Embedding {
+    weight: Range<usize>,
+    bias: Range<usize>,
+}
+
+/// A network: its parameters, and the plain weights they fold to.
+#[derive(Clone, Debug)]
+pub struct Mlp<T> {
+    shape: MlpShape,
+    layout: ParameterLayout,
+    layers: Vec<Layer>,
+    embedding: Option<Embedding>,
+    parameters: Vec<T>,
+    folded: Vec<T>,
+}
+
+/// The gradient of a loss with respect to a network's folded weights, plus its embedding's parameters. One a thread.
+#[derive(Clone, Debug)]
+pub struct MlpGradient<T> {
+    folded: Vec<T>,
+    embedding: Vec<T>,
+}
+
+impl<T: Real> MlpGradient<T> {
+    /// Sets every entry to zero.
+    pub fn clear(&mut self) {
+        self.folded.fill(T::zero());
+        self.embedding.fill(T::zero());
+    }
+
+    /// Adds another gradient of the same network.
+    pub fn add(&mut self, other: &Self) {
+        for (sum, term) in self.folded.iter_mut().zip(&other.folded) {
+            *sum += *term;
+        }
+        for (sum, term) in self.embedding.iter_mut().zip(&other.embedding) {
+            *sum += *term;
+        }
+    }
+}
+
+impl<T: Real> Mlp<T> {
+    /// A network with every parameter zero.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] names the extent that is out of range.
+    pub fn new(shape: MlpShape) -> Result<Self> {
+        shape.validate()?;
+        let encoded = shape.encoding().width();
+        let mut layout = ParameterLayout::default();
+        let mut layers = Vec::with_capacity(shape.depth + 1);
+        let mut folded = 0;
+        for index in 0..=shape.depth {
+            let inputs = match index {
+                0 => encoded + shape.embedded + shape.row_condition,
+                _ => shape.width,
+            };
+            let outputs = match index {
+                _ if index == shape.depth => shape.outputs,
+                _ if shape.skip == Some(index + 1) => shape.width - encoded,
+                _ => shape.width,
+            };
+            let direction = layout.push(format!("lin{index}.weight_v"), vec![outputs, inputs]);
+            let magnitude = layout.push(format!("lin{index}.weight_g"), vec![outputs, 1]);
+            let bias = layout.push(format!("lin{index}.bias"), vec![outputs]);
+            let folded_weight = folded..folded + outputs * inputs;
+            let folded_bias = folded_weight.end..folded_weight.end + outputs;
+            folded = folded_bias.end;
+            let scale = if shape.skip == Some(index) { std::f64::consts::FRAC_1_SQRT_2 } else { 1.0 };
+            layers.push(Layer { inputs, outputs, scale, direction, magnitude, bias, folded_weight, folded_bias });
+        }
+        let embedding = (shape.condition > 0).then(|| Embedding {
+            weight: layout.push("lin_p0.weight".into(), vec![shape.embedded, shape.condition]),
+            bias: layout.push("lin_p0.bias".into(), vec![shape.embedded]),
+        });
+        let parameters = vec![T::zero(); layout.len()];
+        Ok(Self { shape, layout, layers, embedding, parameters, folded: vec![T::zero(); folded] })
+    }
+
+    /// Its extents.
+    pub fn shape(&self) -> &MlpShape {
+        &self.shape
+    }
+
+    /// Names and places of its parameters.
+    pub fn layout(&self) -> &ParameterLayout {
+        &self.layout
+    }
+
+    /// Its parameters, in the order of [`Mlp::layout`].
+    pub fn parameters(&self) -> &[T] {
+        &self.parameters
+    }
+
+    /// Lets `change` alter the parameters, then folds the weight normalisation: W = g v / |v|.
+    pub fn update(&mut self, change: impl FnOnce(&mut [T])) {
+        change(&mut self.parameters);
+        for layer in &self.layers {
+            let scale = T::of(layer.scale);
+            let directions = self.parameters[layer.direction.clone()].chunks_exact(layer.inputs);
+            let magnitudes = &self.parameters[layer.magnitude.clone()];
+            let folded = self.folded[layer.folded_weight.clone()].chunks_exact_mut(layer.inputs);
+            for ((direction, magnitude), folded) in directions.zip(magnitudes).zip(folded) {
+                let factor = scale * *magnitude / norm(direction);
+                for (folded, direction) in folded.iter_mut().zip(direction) {
+                    *folded = factor * *direction;
+                }
+            }
+            self.folded[layer.folded_bias.clone()].copy_from_slice(&self.parameters[layer.bias.clone()]);
+        }
+    }
+
+    /// Embeds a condition, (embedded). Empty for a network without one.
+    pub fn embed(&self, condition: &[T]) -> Vec<T> {
+        let Some(embedding) = &self.embedding else { return Vec::new() };
+        assert_eq!(condition.len(), self.shape.condition, "condition length");
+        let rows = self.parameters[embedding.weight.clone()].chunks_exact(self.shape.condition);
+        let biases = &self.parameters[embedding.bias.clone()];
+        rows.zip(biases).map(|(row, bias)| *bias + row.iter().zip(condition).map(|(w, c)| *w * *c).sum::<T>()).collect()
+    }
+
+    /// Adds the embedding's share of a gradient, for the cotangent of an embedded condition (embedded).
+    pub fn embed_backward(&self, condition: &[T], cotangent: &[T], gradient: &mut MlpGradient<T>) {
+        let (weights, biases) = gradient.embedding.split_at_mut(self.shape.embedded * self.shape.condition);
+        let rows = weights.chunks_exact_mut(self.shape.condition.max(1));
+        for ((row, bias), cotangent) in rows.zip(biases).zip(cotangent) {
+            for (weight, condition) in row.iter_mut().zip(condition) {
+                *weight += *cotangent * *condition;
+            }
+            *bias += *cotangent;
+        }
+    }
+
+    /// A gradient of zeros.
+    pub fn zero_gradient(&self) -> MlpGradient<T> {
+        MlpGradient {
+            folded: vec![T::zero(); self.folded.len()],
+            embedding: vec![T::zero(); self.shape.condition.min(1) * self.shape.embedded * (self.shape.condition + 1)],
+        }
+    }
+
+    /// Turns a gradient of the folded weights into one of the parameters, in the order of [`Mlp::layout`].
+    ///
+    /// W = c g v / |v|:  dg = c dW . v / |v|,  dv = c g / |v| (dW - (dW . v) v / |v|^2).
+    pub fn parameter_gradient(&self, gradient: &MlpGradient<T>, result: &mut [T]) {
+        for layer in &self.layers {
+            let scale = T::of(layer.scale);
+            let directions = self.parameters[layer.direction.clone()].chunks_exact(layer.inputs);
+            let folded = gradient.folded[layer.folded_weight.clone()].chunks_exact(layer.inputs);
+            for (row, (direction, d_weight)) in directions.zip(folded).enumerate() {
+                let length = norm(direction);
+                let along = direction.iter().zip(d_weight).map(|(v, d)| *v * *d).sum::<T>() / length;
+                result[layer.magnitude.start + row] = scale * along;
+                let factor = scale * self.parameters[layer.magnitude.start + row] / length;
+                let start = layer.direction.start + row * layer.inputs;
+                for ((result, v), d) in result[start..start + layer.inputs].iter_mut().zip(direction).zip(d_weight) {
+                    *result = factor * (*d - along * *v / length);
+                }
+            }
+            result[layer.bias.clone()].copy_from_slice(&gradient.folded[layer.folded_bias.clone()]);
+        }
+        if let Some(embedding) = &self.embedding {
+            result[embedding.weight.start..embedding.bias.end].copy_from_slice(&gradient.embedding);
+        }
+    }
+}
+
+fn norm<T: Real>(values: &[T]) -> T {
+    values.iter().map(|value| *value * *value).sum::<T>().sqrt()
+}

@@ -1,0 +1,180 @@
+//! What one step computes: samples, correspondences, losses and their gradients.
+//!
+//! Every random draw comes from a generator of its own, derived from (seed, stage, step, slot of the frame), so that the order
+//! of execution does not matter.
+
+use std::time::Instant;
+
+use rand::seq::SliceRandom;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use xavatar_deformer::{Candidates, SearchStatistics};
+use xavatar_network::Representation;
+
+use super::losses::CanonicalBatch;
+use super::pretraining::{CERTAINLY_OUTSIDE, CanonicalBody};
+use super::trainer::Trainer;
+use super::{Stage, StepRecord, sampling};
+use crate::config::{Assignment, SearchedField};
+use crate::correspondence::{PosedField, bake};
+use crate::fields::CONDITION;
+use crate::{Error, Result};
+
+/// Vertices of hands and face whose weights are supervised at each step.
+const WEIGHT_POINTS: usize = 1024;
+/// Spread of the Eikonal points around canonical vertices, metres (METHOD section 5).
+const EIKONAL_SPREAD: f32 = 0.05;
+
+impl Trainer<'_> {
+    pub(super) fn pretraining_step(&mut self, step: u64, record: &mut StepRecord) -> Result<()> {
+        let mut random = generator(self.config.seed, Stage::Pretraining, step, 0);
+        let batch = self.canonical.batch(self.config, &mut random);
+        let losses = CanonicalBody::losses(&self.config.losses);
+        record.points = batch.on_points.len() + batch.off_points.len();
+        record.losses = self.losses.accumulate(&self.state.fields, &batch, &losses, 1.0)?;
+        record.converged = 1.0;
+        Ok(())
+    }
+
+    pub(super) fn frames_step(&mut self, step: u64, record: &mut StepRecord) -> Result<()> {
+        let count = self.config.optimiser.batch_frames;
+        let share = 1.0 / count as f64;
+        if let SearchedField::Baked { refresh_steps, .. } = self.config.searched_field
+            && (self.baked.is_none() || step.is_multiple_of(refresh_steps))
+        {
+            let field = &self.state.fields.skinning;
+            self.baked = bake(field, self.config.searched_field, self.subject.bounds)?;
+            self.state.baked_skinning = Some(field.mlp().parameters().to_vec());
+        }
+        let mut statistics = SearchStatistics::default();
+        for slot in 0..count {
+            let place = step * count as u64 + slot as u64;
+            let (epoch, index) = self.shuffled(place);
+            let batch = self.canonical_batch(index, step, slot as u64, record, &mut statistics)?;
+            let mut losses = self.config.losses.clone();
+            if epoch < losses.colour_from_epoch {
+                losses.colour = 0.0;
+            }
+            let begin = Instant::now();
+            let terms = self.losses.accumulate(&self.state.fields, &batch, &losses, share)?;
+            add_time(record, "losses", begin);
+            for (name, value) in terms {
+                *record.losses.entry(name).or_default() += share * value;
+            }
+        }
+        record.converged = statistics.converged as f64 / statistics.starts.max(1) as f64;
+        record.points_without_root = statistics.points_without_root;
+        Ok(())
+    }
+
+    /// The frame at a place in the endless sequence of shuffled epochs.
+    fn shuffled(&self, place: u64) -> (u64, usize) {
+        let count = self.frames.len() as u64;
+        let epoch = place / count;
+        let mut order: Vec<usize> = (0..self.frames.len()).collect();
+        order.shuffle(&mut generator(self.config.seed, Stage::Frames, epoch, u64::MAX));
+        (epoch, order[(place % count) as usize])
+    }
+
+    /// Draws a frame's points and finds their canonical correspondences.
+    fn canonical_batch(
+        &mut self,
+        index: usize,
+        step: u64,
+        slot: u64,
+        record: &mut StepRecord,
+        statistics: &mut SearchStatistics,
+    ) -> Result<CanonicalBatch<f32>> {
+        let frame = self.frames.prepared(index)?;
+        let fields = &self.state.fields;
+        let mut random = generator(self.config.seed, Stage::Frames, step, slot);
+        let dropped = random.random::<f64>() < self.config.fields.condition_dropout;
+        let condition = if dropped { vec![0.0; CONDITION] } else { frame.condition.clone() };
+        let begin = Instant::now();
+        let samples = sampling::draw(&frame, &self.config.sampling, fields.geometry.representation, &mut random);
+        record.points += samples.on_points.len() + samples.off_points.len();
+        record.frames.push(frame.id.to_string());
+
+        add_time(record, "sampling", begin);
+        let begin = Instant::now();
+        let embedded = fields.geometry.mlp.embed(&condition);
+        let posed = PosedField {
+            fields,
+            bones: &frame.bones,
+            embedded: &embedded,
+            groups: &self.groups,
+            settings: &self.config.search,
+            baked: self.baked.as_ref(),
+            bounds: self.subject.bounds,
+        };
+        let in_frame = |error: Error| error.in_frame(frame.id.to_string());
+        let on = posed.candidates(&samples.on_points, &samples.on_labels).map_err(in_frame)?;
+        let off = posed.candidates(&samples.off_points, &samples.off_labels).map_err(in_frame)?;
+        let assigned_on = self.assign(&posed, &on);
+        let assigned_off = self.assign(&posed, &off);
+        *statistics = statistics.and(on.statistics).and(off.statistics);
+        add_time(record, "search", begin);
+
+        let mut batch = CanonicalBatch {
+            condition,
+            bones: frame.bones.clone(),
+            implicit_gradient: true,
+            ..CanonicalBatch::default()
+        };
+        for (index, winner) in assigned_on.into_iter().enumerate() {
+            let Some(winner) = winner else { continue };
+            batch.on_points.push(on.points[winner]);
+            batch.on_normals.push(samples.on_normals[index]);
+            batch.on_colours.push(samples.on_colours[index]);
+        }
+        let inside = |target: f32| match fields.geometry.representation {
+            Representation::Occupancy => target > 0.5,
+            Representation::SignedDistance => target < 0.0,
+        };
+        for (winner, target) in assigned_off.into_iter().zip(samples.off_targets) {
+            match winner {
+                Some(winner) => {
+                    batch.off_points.push(off.points[winner]);
+                    batch.off_targets.push(target);
+                }
+                None => record.inside_without_root += usize::from(inside(target)),
+            }
+        }
+        self.canonical.anchor(WEIGHT_POINTS, &mut random, &mut batch);
+        let count = self.config.sampling.far_points;
+        self.canonical.far(count, fields.geometry.representation, &mut random, &mut batch);
+        if self.config.losses.eikonal > 0.0 {
+            let count = self.config.losses.eikonal_points;
+            batch.eikonal_points = self.canonical.around(count, EIKONAL_SPREAD, &mut random);
+        }
+        Ok(batch)
+    }
+
+    /// The candidate that each point is trained through.
+    fn assign(&self, posed: &PosedField, candidates: &Candidates<f32>) -> Vec<Option<usize>> {
+        match self.config.assignment {
+            Assignment::Field => {
+                let values = posed.geometry(&candidates.points);
+                let representation = posed.fields.geometry.representation;
+                posed.winners(candidates, |index, best| representation.prefers(values[index], values[best]))
+            }
+            Assignment::Body => {
+                let depths: Vec<f32> = candidates.points.iter().map(|point| self.canonical.distance(*point)).collect();
+                let winners = posed.winners(candidates, |index, best| depths[index] < depths[best]);
+                let is_possible = |winner: &usize| depths[*winner] < CERTAINLY_OUTSIDE;
+                winners.into_iter().map(|winner| winner.filter(is_possible)).collect()
+            }
+        }
+    }
+}
+
+pub(super) fn add_time(record: &mut StepRecord, phase: &'static str, begin: Instant) {
+    *record.split.entry(phase).or_default() += begin.elapsed().as_secs_f64();
+}
+
+/// The generator of one purpose: a stream of the seed's own for each stage, step and slot.
+fn generator(seed: u64, stage: Stage, step: u64, slot: u64) -> ChaCha8Rng {
+    let mut random = ChaCha8Rng::seed_from_u64(seed ^ (stage as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    random.set_stream(step << 16 | (slot & 0xffff));
+    random
+}
