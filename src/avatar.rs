@@ -14,7 +14,9 @@ use xavatar_network::{Representation, SkinningTrace, SkinningWeights, TextureFie
 
 use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels, Registration};
 use crate::config::Config;
-use crate::correspondence::{Correspondence, PosedField, bake, bone_rows, part_label, start_groups};
+use crate::correspondence::{
+    Correspondence, PosedField, bake, bone_rows, part_label, start_groups, union_start_groups,
+};
 use crate::fields::{Fields, condition, skeleton_parents};
 use crate::mesh::{Colouring, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
 use crate::tensor_file::TensorFile;
@@ -173,7 +175,7 @@ impl Avatar {
         let registration = Registration::new(&vertices, labels)?;
         let embedded = self.fields.geometry.mlp.embed(&condition(&parameters));
         let bones = bone_rows(&body.canonical_to_posed(&parameters)?);
-        let groups = start_groups(self.config.starts)?;
+        let groups = union_start_groups(self.config.starts)?;
         let baked = bake(&self.fields.skinning, self.config.searched_field, self.subject.bounds)?;
         let settings = &self.config.search;
         let fields = &self.fields;

@@ -37,6 +37,21 @@ pub fn start_groups(starts: Starts) -> Result<StartGroups> {
     Ok(StartGroups::new(JOINTS, Part::ALL.map(part_joints).to_vec(), full)?)
 }
 
+/// The start groups for points of free space: the body's bones for every part too, since a hand may touch the body.
+///
+/// # Errors
+/// Never for the SMPL-X skeleton.
+pub fn union_start_groups(starts: Starts) -> Result<StartGroups> {
+    if starts != Starts::Part {
+        return start_groups(starts);
+    }
+    let with_body = |part: Part| {
+        let others = Part::Body.joints().iter().filter(|joint| !part.joints().contains(joint));
+        part.joints().iter().chain(others).copied().collect()
+    };
+    Ok(StartGroups::new(JOINTS, Part::ALL.map(with_body).to_vec(), FULL_GROUP.to_vec())?)
+}
+
 /// The label of a part in [`start_groups`].
 pub fn part_label(part: Part) -> u8 {
     part as u8
