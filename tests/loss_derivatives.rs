@@ -89,7 +89,7 @@ fn gradients_match_differences() {
         let scale = gradients[field].iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
         for index in (0..start.len()).step_by(13) {
             let mut total_at = |offset: f64| {
-                let mut networks = fields.networks_mut();
+                let networks = fields.networks_mut();
                 networks[field].update(|parameters| parameters[index] = start[index] + offset);
                 LossEvaluator::new(&fields, 1).accumulate(&fields, &batch, &losses, 1.0).unwrap()["total"]
             };
