@@ -83,7 +83,7 @@ impl<T: Real> Mlp<T> {
     /// A network with every parameter zero.
     ///
     /// # Errors
-    /// [`Error::Shape`] names the extent that is out of range.
+    /// [`crate::Error::Shape`] names the extent that is out of range.
     pub fn new(shape: MlpShape) -> Result<Self> {
         shape.validate()?;
         let encoded = shape.encoding().width();

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::encoding::FrequencyEncoding;
 use crate::{Error, Result};
 
-/// The extents of an [`Mlp`].
+/// The extents of an [`Mlp`](super::Mlp).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MlpShape {
