@@ -108,11 +108,13 @@ impl Trainer<'_> {
             bounds: self.subject.bounds,
         };
         let in_frame = |error: Error| error.in_frame(frame.id.to_string());
-        let on = posed.candidates(&samples.on_points, &samples.on_labels).map_err(in_frame)?;
-        let off = posed.candidates(&samples.off_points, &samples.off_labels).map_err(in_frame)?;
-        let assigned_on = self.assign(&posed, &on);
-        let assigned_off = self.assign(&posed, &off);
-        *statistics = statistics.and(on.statistics).and(off.statistics);
+        // One search for both kinds of points: the frame's warp is made once.
+        let points = [samples.on_points.as_slice(), &samples.off_points].concat();
+        let labels = [samples.on_labels.as_slice(), &samples.off_labels].concat();
+        let found = posed.candidates(&points, &labels).map_err(in_frame)?;
+        let assigned = self.assign(&posed, &found);
+        let (assigned_on, assigned_off) = assigned.split_at(samples.on_points.len());
+        *statistics = statistics.and(found.statistics);
         add_time(record, "search", begin);
 
         let mut batch = CanonicalBatch {
@@ -121,9 +123,9 @@ impl Trainer<'_> {
             implicit_gradient: true,
             ..CanonicalBatch::default()
         };
-        for (index, winner) in assigned_on.into_iter().enumerate() {
-            let Some(winner) = winner else { continue };
-            batch.on_points.push(on.points[winner]);
+        for (index, winner) in assigned_on.iter().enumerate() {
+            let Some(winner) = *winner else { continue };
+            batch.on_points.push(found.points[winner]);
             batch.on_normals.push(samples.on_normals[index]);
             batch.on_colours.push(samples.on_colours[index]);
         }
@@ -131,10 +133,10 @@ impl Trainer<'_> {
             Representation::Occupancy => target > 0.5,
             Representation::SignedDistance => target < 0.0,
         };
-        for (winner, target) in assigned_off.into_iter().zip(samples.off_targets) {
-            match winner {
+        for (winner, target) in assigned_off.iter().zip(samples.off_targets) {
+            match *winner {
                 Some(winner) => {
-                    batch.off_points.push(off.points[winner]);
+                    batch.off_points.push(found.points[winner]);
                     batch.off_targets.push(target);
                 }
                 None => record.inside_without_root += usize::from(inside(target)),
