@@ -136,7 +136,7 @@ impl<'a> Trainer<'a> {
     ) -> Result<Self> {
         let started = Instant::now();
         let canonical = CanonicalBody::new(body, labels, &frames.betas(), config)?;
-        let mut fields = Fields::new(&config.fields, &skeleton_parents())?;
+        let mut fields = Fields::new(&config.fields, &skeleton_parents(), canonical.bounds())?;
         fields.initialise(config.seed);
         let adam = fields.networks().map(|network| Adam::new(network.parameters().len()));
         let progress = Progress { running_loss: f64::INFINITY, best_loss: f64::INFINITY, ..Progress::default() };
