@@ -25,8 +25,10 @@ pub trait Real:
     fn of(value: f64) -> Self;
     /// As f64, exactly.
     fn wide(self) -> f64;
-    /// Rounded toward zero; 0 for negative numbers and NaN.
+    /// Rounded toward zero; 0 for negative numbers and NaN, 2^31 - 1 for larger numbers.
     fn truncated(self) -> u32;
+    /// A number below 2^24, exactly.
+    fn of_index(index: u32) -> Self;
 }
 
 impl Real for f32 {
@@ -38,7 +40,12 @@ impl Real for f32 {
     }
     #[inline(always)]
     fn truncated(self) -> u32 {
-        self as u32
+        // Through i32, which has vector instructions.
+        (self as i32).max(0) as u32
+    }
+    #[inline(always)]
+    fn of_index(index: u32) -> Self {
+        index as i32 as Self
     }
 }
 
@@ -51,6 +58,11 @@ impl Real for f64 {
     }
     #[inline(always)]
     fn truncated(self) -> u32 {
-        self as u32
+        // Through i32, which has vector instructions.
+        (self as i32).max(0) as u32
+    }
+    #[inline(always)]
+    fn of_index(index: u32) -> Self {
+        index as i32 as Self
     }
 }

@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::cells::{LANES, Lanes};
 use crate::{Error, Result};
 
 /// The levels of a hash grid.
@@ -110,33 +111,32 @@ pub(super) enum Indexing {
 const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
 
 impl Indexing {
-    /// The entries of a cell's corners, x changing fastest, from its lowest corner's node.
+    /// The entries of the cells' corners, x changing fastest, from their lowest corners' nodes; counted from the level's first.
     #[inline(always)]
-    pub fn corners(self, first: u32, [x, y, z]: [u32; 3]) -> [u32; 8] {
+    pub fn corners(self, nodes: &[Lanes<u32>; 3], corners: &mut [Lanes<u32>; 8]) {
         match self {
             Self::Dense { along_y, along_z } => {
-                let base = first + x + along_y * y + along_z * z;
-                let (by, bz) = (base + along_y, base + along_z);
-                let byz = by + along_z;
-                [base, base + 1, by, by + 1, bz, bz + 1, byz, byz + 1]
+                for lane in 0..LANES {
+                    let base = nodes[0][lane] + along_y * nodes[1][lane] + along_z * nodes[2][lane];
+                    for (edge, start) in [0, along_y, along_z, along_y + along_z].into_iter().enumerate() {
+                        corners[2 * edge][lane] = base + start;
+                        corners[2 * edge + 1][lane] = base + start + 1;
+                    }
+                }
             }
             Self::Hashed { mask } => {
-                let (y, z) = (y.wrapping_mul(PRIMES[0]), z.wrapping_mul(PRIMES[1]));
-                let (y1, z1) = (y.wrapping_add(PRIMES[0]), z.wrapping_add(PRIMES[1]));
-                let mut entries = [
-                    x ^ y ^ z,
-                    (x + 1) ^ y ^ z,
-                    x ^ y1 ^ z,
-                    (x + 1) ^ y1 ^ z,
-                    x ^ y ^ z1,
-                    (x + 1) ^ y ^ z1,
-                    x ^ y1 ^ z1,
-                    (x + 1) ^ y1 ^ z1,
-                ];
-                for entry in &mut entries {
-                    *entry = first + (*entry & mask);
+                for lane in 0..LANES {
+                    let (x, y, z) = (
+                        nodes[0][lane],
+                        nodes[1][lane].wrapping_mul(PRIMES[0]),
+                        nodes[2][lane].wrapping_mul(PRIMES[1]),
+                    );
+                    let (y1, z1) = (y.wrapping_add(PRIMES[0]), z.wrapping_add(PRIMES[1]));
+                    for (edge, hash) in [y ^ z, y1 ^ z, y ^ z1, y1 ^ z1].into_iter().enumerate() {
+                        corners[2 * edge][lane] = (x ^ hash) & mask;
+                        corners[2 * edge + 1][lane] = ((x + 1) ^ hash) & mask;
+                    }
                 }
-                entries
             }
         }
     }
@@ -166,11 +166,13 @@ mod tests {
             for z in (0..z).step_by(step) {
                 for y in (0..y).step_by(step) {
                     for x in (0..x).step_by(step) {
-                        used.extend(level.indexing.corners(level.first, [x, y, z]));
+                        let mut corners = [[0; LANES]; 8];
+                        level.indexing.corners(&[[x; LANES], [y; LANES], [z; LANES]], &mut corners);
+                        used.extend(corners.as_flattened().iter().copied());
                     }
                 }
             }
-            assert!(used.iter().all(|entry| (level.first..level.first + level.entries).contains(entry)));
+            assert!(used.iter().all(|entry| *entry < level.entries));
             if step == 1 {
                 assert_eq!(used.len(), level.entries as usize);
             }

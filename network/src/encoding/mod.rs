@@ -5,7 +5,9 @@
 //! (the hash grid) also the table's gradients of c . e(x) and c . e'(x) v.
 
 mod cell;
+mod cells;
 mod frequency;
+mod gather;
 mod grid;
 mod grid_shape;
 
@@ -13,8 +15,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Error, Real, Result};
 
+pub(crate) use cells::Cells;
 pub(crate) use frequency::FrequencyEncoding;
-pub(crate) use grid::{Cells, HashGrid};
+pub(crate) use grid::HashGrid;
 pub use grid_shape::{Bounds, HashGridShape};
 
 /// Most coordinates that a point may have.
