@@ -1,7 +1,7 @@
 //! Samples a second of a hash grid with a small network, on all threads, in blocks of 256 rows: `cargo bench --bench hash_grid`.
 //!
 //! Points near the surface of a body-like set of capsules, in random order; levels from 16 to 256 cells, 2 features, two hidden
-//! layers of 64 units. "encode" is a network of one unit: the grid with next to nothing behind it. "backward" follows a forward
+//! layers of 64 units; "sorted" is "both" with the points along a Z-order curve. "encode" is a network of one unit: the grid with next to nothing behind it. "backward" follows a forward
 //! sweep and wants table, layers and points; "gradient loss" adds the down and up sweeps of a loss on the input gradient.
 //! "step" is summing the threads' gradients and Adam, milliseconds after one pass over the points.
 
@@ -44,6 +44,16 @@ fn points(random: &mut ChaCha8Rng) -> Vec<f32> {
         );
     }
     points
+}
+
+/// The points along a Z-order curve through cells of 1/128 m, so that a block's rows share entries of the table.
+fn sorted(points: &[f32]) -> Vec<f32> {
+    let spread = |cell: u32| (0..9).fold(0, |code, bit| code | ((cell >> bit) & 1) << (3 * bit));
+    let mut rows = points.as_chunks::<3>().0.to_vec();
+    rows.sort_by_cached_key(|point| {
+        (0..3).map(|axis| spread((128.0 * (point[axis] - BOUNDS.lowest[axis])) as u32) << axis).sum::<u32>()
+    });
+    rows.as_flattened().to_vec()
 }
 
 fn network(levels: usize, log2_entries: u32, depth: usize, width: usize) -> Result<Mlp<f32>> {
@@ -96,7 +106,7 @@ fn main() -> Result<()> {
     let ones = [1.0; ROWS];
     let on_gradient = [0.5; 3 * ROWS];
     println!("{} threads, blocks of {ROWS}, M samples/s", rayon::current_num_threads());
-    println!("levels  table  parameters  encode  forward  backward  both  gradient loss  step ms");
+    println!("levels  table  parameters  encode  forward  backward  both  sorted  gradient loss  step ms");
     for (levels, log2_entries) in [(12, 18), (12, 17), (12, 16), (10, 18), (10, 17), (10, 16)] {
         let bare = network(levels, log2_entries, 1, 1)?;
         let mut workers_of_bare = workers(&bare);
@@ -111,9 +121,11 @@ fn main() -> Result<()> {
             mlp.forward(&mut worker.trace, points, &[], &[]);
             black_box(worker.trace.output());
         });
-        let both = seconds(&mut workers, &points, |Worker { trace, gradient }, points| {
-            mlp.forward(trace, points, &[], &[]);
-            mlp.backward(trace, &ones, None, Backward::ParametersAndPoints, gradient);
+        let [both, sorted] = [&points, &sorted(&points)].map(|points| {
+            seconds(&mut workers, points, |Worker { trace, gradient }, points| {
+                mlp.forward(trace, points, &[], &[]);
+                mlp.backward(trace, &ones, None, Backward::ParametersAndPoints, gradient);
+            })
         });
         let gradient_loss = seconds(&mut workers, &points, |Worker { trace, gradient }, points| {
             mlp.forward(trace, points, &[], &[]);
@@ -137,12 +149,13 @@ fn main() -> Result<()> {
         }
         steps.sort_by(f64::total_cmp);
         println!(
-            "{levels:6}   2^{log2_entries}  {:10}  {:6.2}  {:7.2}  {:8.2}  {:4.2}  {:13.2}  {:7.2}",
+            "{levels:6}   2^{log2_entries}  {:10}  {:6.2}  {:7.2}  {:8.2}  {:4.2}  {:6.2}  {:13.2}  {:7.2}",
             mlp.parameters().len(),
             samples / encode,
             samples / forward,
             samples / (both - forward),
             samples / both,
+            samples / sorted,
             samples / gradient_loss,
             steps[REPEATS / 2],
         );
