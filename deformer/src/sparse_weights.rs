@@ -101,16 +101,13 @@ impl<T: Real> SparseWeights<T> {
         self.offsets[node] as usize..self.offsets[node + 1] as usize
     }
 
-    pub(crate) fn offsets(&self) -> &[u32] {
-        &self.offsets
-    }
-
     pub(crate) fn weights(&self) -> &[T] {
         &self.weights
     }
 
-    pub(crate) fn weights_mut(&mut self) -> &mut [T] {
-        &mut self.weights
+    /// The places of the rows (R + 1) and all their weights.
+    pub(crate) fn offsets_and_weights_mut(&mut self) -> (&[u32], &mut [T]) {
+        (&self.offsets, &mut self.weights)
     }
 
     /// The node's blended transform, padded to 16.
