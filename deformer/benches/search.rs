@@ -10,13 +10,13 @@ use glam::{Affine3A, EulerRot, Quat, Vec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use xavatar_deformer::{
-    Axis, BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, VoxelSkinning, Warp, bone_transform,
-    deform, search,
+    Axis, BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, VoxelSkinning, Warp,
+    bone_transform, deform, search,
 };
 use xavatar_network::{KinematicTree, SkinningField, SkinningWeights};
 
 const POINTS: usize = 10_000;
-const RUNS: usize = 7;
+const RUNS: usize = 15;
 
 /// Parents and joints of a body in a star pose, metres.
 const BONES: [(Option<usize>, [f32; 3]); 22] = [

@@ -146,7 +146,14 @@ mod tests {
 
     #[test]
     fn rows_that_are_no_weights_are_refused() {
-        for row in [vec![], vec![(0, 0.0)], vec![(0, 1.0), (0, 1.0)], vec![(3, 1.0)], vec![(0, 2.0), (1, -1.0)], vec![(0, f64::NAN)]] {
+        for row in [
+            vec![],
+            vec![(0, 0.0)],
+            vec![(0, 1.0), (0, 1.0)],
+            vec![(3, 1.0)],
+            vec![(0, 2.0), (1, -1.0)],
+            vec![(0, f64::NAN)],
+        ] {
             assert!(SparseWeights::new(3, [&row[..]]).is_err(), "{row:?}");
         }
         assert!(SparseWeights::<f64>::new(257, [[(0, 1.0)]]).is_err());

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use xavatar_network::{Real, SkinningWeights};
 
 use crate::error::expect_length;
+use crate::skinning::vectorised;
 use crate::{BakedWeights, Error, Grid, Result, SparseWeights, StartGroups};
 
 /// Most bones of a node: with eight, all that meet at a shoulder.
@@ -152,15 +153,24 @@ fn softmax_rows<T: Real>(weights: &mut SparseWeights<T>, logits: &[T]) {
     }
     blocks.into_par_iter().for_each(|(offsets, weights)| {
         let first = offsets[0] as usize;
-        for row in offsets.windows(2) {
-            let range = row[0] as usize..row[1] as usize;
-            let row = &mut weights[range.start - first..range.end - first];
-            let logits = &logits[range];
-            let greatest = logits.iter().copied().fold(T::neg_infinity(), T::max);
-            row.iter_mut().zip(logits).for_each(|(weight, &logit)| *weight = T::exp_negative(logit - greatest));
-            let scale = T::one() / row.iter().copied().sum::<T>();
-            row.iter_mut().for_each(|weight| *weight *= scale);
-        }
+        let rows = || offsets.windows(2).map(|row| row[0] as usize - first..row[1] as usize - first);
+        let logits = &logits[first..first + weights.len()];
+        vectorised(
+            #[inline(always)]
+            || {
+                for row in rows() {
+                    let greatest = logits[row.clone()].iter().copied().fold(T::neg_infinity(), T::max);
+                    let shifted = weights[row.clone()].iter_mut().zip(&logits[row]);
+                    shifted.for_each(|(weight, &logit)| *weight = logit - greatest);
+                }
+                // All rows in one pass: they are too short to fill a vector.
+                weights.iter_mut().for_each(|weight| *weight = T::exp_negative(*weight));
+                for row in rows() {
+                    let scale = T::one() / weights[row.clone()].iter().copied().sum::<T>();
+                    weights[row].iter_mut().for_each(|weight| *weight *= scale);
+                }
+            },
+        );
     });
 }
 
