@@ -49,6 +49,23 @@ impl<T: Real> VoxelSkinning<T> {
         Ok(Self { initial: logits.clone(), logits, baked: BakedWeights::new(grid, weights)? })
     }
 
+    /// A field whose nodes have these bones (R) with these logits (P), in this order: one that was stored.
+    ///
+    /// # Errors
+    /// If there is not one row of bones per node and one finite logit per bone, or as [`SparseWeights::new`].
+    pub fn from_logits(grid: Grid<T>, joints: usize, bones: &[Vec<usize>], logits: Vec<T>) -> Result<Self> {
+        expect_length("the skinning logits", logits.len(), bones.iter().map(Vec::len).sum())?;
+        if let Some(wrong) = logits.iter().find(|logit| !logit.is_finite()) {
+            let (found, expected) = (format!("{wrong:?}"), "finite".to_owned());
+            return Err(Error::Value { name: "a skinning logit", found, expected });
+        }
+        let equal = |row: &Vec<usize>| row.iter().map(|&bone| (bone, T::one())).collect::<Vec<_>>();
+        let weights = SparseWeights::new(joints, bones.iter().map(equal))?;
+        let mut field = Self { baked: BakedWeights::new(grid, weights)?, initial: logits.clone(), logits };
+        field.update(|_| ());
+        Ok(field)
+    }
+
     /// The weights at the nodes, which give a frame's warp.
     pub fn baked(&self) -> &BakedWeights<T> {
         &self.baked

@@ -16,6 +16,7 @@ use super::distance_grid::DistanceGrid;
 use super::losses::{CanonicalBatch, WeightTargets};
 use crate::Result;
 use crate::body::{BodyModel, Bone, JOINTS, Part, PartLabels, joint_weights};
+use crate::canonical_grid::{CERTAINLY_OUTSIDE, canonical_box};
 use crate::config::{Config, LossSettings};
 use crate::fields::CONDITION;
 use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
@@ -31,12 +32,8 @@ const VOLUME_SPREAD: f32 = 0.06;
 /// How far below the surface weights are supervised, metres.
 const VOLUME_DEPTH: f32 = 0.12;
 
-/// Room around the canonical body for clothes and hair, metres.
-const MARGIN: f32 = 0.2;
 /// Spread of the far points around the body, metres.
 const FAR_SPREAD: f32 = 0.15;
-/// Distance from the unclothed body from which a point is outside, metres.
-pub(super) const CERTAINLY_OUTSIDE: f32 = 0.08;
 /// Depth in the unclothed body from which a point is inside, metres.
 const CERTAINLY_INSIDE: f32 = 0.03;
 
@@ -75,7 +72,7 @@ impl<'a> CanonicalBody<'a> {
             expressions.push(ExpressiveBody { expression, mesh, solid, sampler });
             expression = std::array::from_fn(|_| random.sample::<f32, _>(StandardNormal));
         }
-        let (low, high) = box_around(&expressions[0].mesh.vertices);
+        let (low, high) = canonical_box(&expressions[0].mesh.vertices);
         let points_a_bone = config.losses.bone_points;
         Ok(Self {
             weights: body.skinning_weights(),
@@ -218,7 +215,7 @@ impl<'a> CanonicalBody<'a> {
 
     /// The canonical box: the body and room around it.
     pub fn bounds(&self) -> (Vec3, Vec3) {
-        box_around(&self.expressions[0].mesh.vertices)
+        canonical_box(&self.expressions[0].mesh.vertices)
     }
 
     /// Signed distance of a canonical point to the body, metres.
@@ -230,11 +227,6 @@ impl<'a> CanonicalBody<'a> {
     pub fn joints(&self) -> &[Vec3; JOINTS] {
         &self.joints
     }
-}
-
-fn box_around(vertices: &[Vec3]) -> (Vec3, Vec3) {
-    let corner = |fold: fn(Vec3, Vec3) -> Vec3| vertices.iter().copied().reduce(fold).unwrap_or_default();
-    (corner(Vec3::min) - MARGIN, corner(Vec3::max) + MARGIN)
 }
 
 fn normal_vector(random: &mut ChaCha8Rng) -> Vec3 {
