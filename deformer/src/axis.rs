@@ -83,7 +83,7 @@ impl<T: Real> Axis<T> {
     /// If a spacing is not positive; otherwise as [`Axis::new`].
     pub fn refined(lowest: T, highest: T, spacing: T, finer: &[(T, T, T)]) -> Result<Self> {
         let mut spacings = finer.iter().map(|range| range.2).chain([spacing]);
-        if let Some(wrong) = spacings.find(|spacing| !(*spacing > T::zero())) {
+        if let Some(wrong) = spacings.find(|spacing| spacing.is_nan() || *spacing <= T::zero()) {
             let expected = "a positive number of metres".to_owned();
             return Err(Error::Value { name: "a grid's spacing", found: format!("{wrong:?}"), expected });
         }

@@ -36,7 +36,9 @@ impl<T: Real> SparseWeights<T> {
             let row = row.as_ref();
             let total: T = row.iter().map(|&(_, weight)| weight).sum();
             let twice = |index: usize| row[..index].iter().any(|&(bone, _)| bone == row[index].0);
-            let wrong = |index: usize| row[index].0 >= joints || !(row[index].1 >= T::zero()) || twice(index);
+            let wrong = |index: usize| {
+                row[index].0 >= joints || row[index].1.is_nan() || row[index].1 < T::zero() || twice(index)
+            };
             if !(total > T::zero() && total.is_finite()) || (0..row.len()).any(wrong) {
                 return Err(Error::Value {
                     name: "a node's skinning weights",

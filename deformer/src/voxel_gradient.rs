@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 use xavatar_network::Real;
 
-use crate::affine::{apply, dot, inverse, multiply_transposed};
+use crate::affine::{apply, dot};
 use crate::error::expect_length;
 use crate::{BakedWarp, Error, Result, VoxelSkinning, Warp};
 
@@ -42,12 +42,17 @@ impl<T: Real> VoxelSkinning<T> {
             .zip(root_cotangents.par_chunks(BLOCK))
             .map(|(roots, cotangents)| {
                 let mut shares = Vec::with_capacity(32 * roots.len());
-                let pulled = roots.iter().zip(cotangents).filter(|(root, cotangent)| {
-                    self.pull_back(warp, offsets, **root, **cotangent, &mut shares).is_none()
-                });
-                (pulled.count(), shares)
+                let mut transforms = vec![[T::zero(); 12]; roots.len()];
+                let mut jacobians = vec![[[T::zero(); 3]; 3]; roots.len()];
+                warp.transforms_and_jacobians(&mut (), roots, &mut transforms, &mut jacobians);
+                let mut lambdas = vec![[T::zero(); 3]; roots.len()];
+                let singular = crate::root_cotangents(&jacobians, cotangents, &mut lambdas)?;
+                for (&root, &lambda) in roots.iter().zip(&lambdas) {
+                    self.pull_back(warp, offsets, root, lambda, &mut shares);
+                }
+                Ok((singular, shares))
             })
-            .collect();
+            .collect::<Result<_>>()?;
         let mut singular = 0;
         for (count, shares) in blocks {
             singular += count;
@@ -56,17 +61,15 @@ impl<T: Real> VoxelSkinning<T> {
         Ok(singular)
     }
 
-    /// Appends one root's shares of the gradient, each with its logit; none if the Jacobian is singular.
+    /// Appends one root's shares of the gradient, each with its logit, given the cotangent lambda of its image.
     fn pull_back(
         &self,
         warp: &BakedWarp<'_, T>,
         offsets: Option<&[[T; 3]]>,
         root: [T; 3],
-        cotangent: [T; 3],
+        lambda: [T; 3],
         shares: &mut Vec<(u32, T)>,
-    ) -> Option<()> {
-        let (_, jacobian) = warp.look_up_with_jacobian(root);
-        let lambda = multiply_transposed(&inverse(&jacobian)?, cotangent).map(|value| -value);
+    ) {
         let cell = warp.grid().cell(root);
         let weights = self.baked().weights();
         for corner in 0..8 {
@@ -85,7 +88,6 @@ impl<T: Real> VoxelSkinning<T> {
                 *value = weight * (*value - mean);
             }
         }
-        Some(())
     }
 }
 
