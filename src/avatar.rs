@@ -10,7 +10,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use xavatar_deformer::{BoneTransform, Jacobian, deformed_normals, skinning_jacobians};
-use xavatar_network::{Representation, SkinningTrace, SkinningWeights, TextureField, Trace};
+use xavatar_network::{Representation, SkinningTrace, TextureField, Trace};
 
 use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels, Registration};
 use crate::canonical_grid::CanonicalGrid;

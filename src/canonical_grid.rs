@@ -4,6 +4,7 @@
 //! the offset that expression and pose correctives give that place. R nodes, V vertices; metres.
 
 use glam::Vec3;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use xavatar_deformer::{Axis, Grid, StartGroups, VoxelSkinning};
 
@@ -76,7 +77,7 @@ impl CanonicalGrid {
             };
             (0..JOINTS).map(|joint| (joint, at(joint))).filter(|(_, weight)| *weight > LEAST_WEIGHT).collect()
         };
-        let rows: Vec<Vec<(usize, f32)>> = self.places.iter().map(row).collect();
+        let rows: Vec<Vec<(usize, f32)>> = self.places.par_iter().map(row).collect();
         Ok(VoxelSkinning::new(self.grid.clone(), JOINTS, &rows)?)
     }
 
@@ -99,7 +100,7 @@ impl CanonicalGrid {
             let corner = |(vertex, share): (&u32, &f32)| offsets[*vertex as usize] * *share;
             corners.iter().zip(shares).map(corner).sum::<Vec3>().to_array()
         };
-        self.places.iter().map(at).collect()
+        self.places.par_iter().with_min_len(4096).map(at).collect()
     }
 }
 

@@ -34,6 +34,8 @@ const VOLUME_DEPTH: f32 = 0.12;
 
 /// Spread of the far points around the body, metres.
 const FAR_SPREAD: f32 = 0.15;
+/// Half the edge of the cube around a deep place in which points are drawn, metres.
+const DEEP_SPREAD: f32 = 0.0125;
 /// Depth in the unclothed body from which a point is inside, metres.
 const CERTAINLY_INSIDE: f32 = 0.03;
 
@@ -49,6 +51,8 @@ pub(super) struct CanonicalBody<'a> {
     expressions: Vec<ExpressiveBody>,
     /// Of the body without expression.
     distances: DistanceGrid,
+    /// Places that are inside for certain, evenly spread.
+    deep_places: Vec<Vec3>,
 }
 
 /// The canonical body of one expression.
@@ -73,6 +77,7 @@ impl<'a> CanonicalBody<'a> {
             expression = std::array::from_fn(|_| random.sample::<f32, _>(StandardNormal));
         }
         let (low, high) = canonical_box(&expressions[0].mesh.vertices);
+        let distances = DistanceGrid::new(&expressions[0].solid, low, high);
         let points_a_bone = config.losses.bone_points;
         Ok(Self {
             weights: body.skinning_weights(),
@@ -84,7 +89,11 @@ impl<'a> CanonicalBody<'a> {
                 .collect(),
             joints,
             hands_and_face: (0..labels.parts.len()).filter(|vertex| labels.parts[*vertex] != Part::Body).collect(),
-            distances: DistanceGrid::new(&expressions[0].solid, low, high),
+            deep_places: match distances.nodes_below(-CERTAINLY_INSIDE) {
+                deep if deep.is_empty() => joints.to_vec(),
+                deep => deep,
+            },
+            distances,
             expressions,
         })
     }
@@ -136,7 +145,8 @@ impl<'a> CanonicalBody<'a> {
         (0..count).map(|_| point()).collect()
     }
 
-    /// Adds points of the canonical box that are outside whatever is worn, or inside for certain; half of `count` around the body.
+    /// Adds points of the canonical box that are outside whatever is worn, or inside for certain: of `count` draws a quarter
+    /// anywhere, a quarter around the body and half deep in it.
     pub fn far(
         &self,
         count: usize,
@@ -146,9 +156,13 @@ impl<'a> CanonicalBody<'a> {
     ) {
         let body = &self.expressions[0];
         let (low, high) = self.bounds();
-        let mut draw = |index: usize| match index % 2 {
+        let mut draw = |index: usize| match index % 4 {
             0 => low + (high - low) * Vec3::from_array(random.random()),
-            _ => body.mesh.position_at(&body.sampler.sample(random)) + FAR_SPREAD * normal_vector(random),
+            1 => body.mesh.position_at(&body.sampler.sample(random)) + FAR_SPREAD * normal_vector(random),
+            _ => {
+                let deep = self.deep_places[random.random_range(0..self.deep_places.len())];
+                deep + DEEP_SPREAD * Vec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)))
+            }
         };
         let points: Vec<Vec3> = (0..count).map(&mut draw).collect();
         for point in points {

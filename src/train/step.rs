@@ -57,7 +57,7 @@ impl<'a> Order<'a> {
         let Self { place, epoch, frame, config, representation, mut random } = self;
         let dropped = random.random::<f64>() < config.fields.condition_dropout;
         let condition = if dropped { vec![0.0; CONDITION] } else { frame.condition.clone() };
-        let samples = sampling::draw(&frame, &config.sampling, representation, &mut random);
+        let samples = sampling::draw(&frame, &config.sampling, representation, config.losses.truncation as f32, &mut random);
         Drawn { place, epoch, frame, condition, samples, random, seconds: begin.elapsed().as_secs_f64() }
     }
 }
