@@ -10,17 +10,18 @@ use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use xavatar_deformer::{BoneTransform, Jacobian, deformed_normals, skinning_jacobians};
-use xavatar_network::{Representation, SkinningTrace, SkinningWeights, TextureField, Trace};
+use xavatar_network::{Representation, SkinningTrace, TextureField, Trace};
 
 use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels, Registration};
-use crate::config::Config;
+use crate::canonical_grid::CanonicalGrid;
+use crate::config::{Config, SkinningSettings};
 use crate::correspondence::{
-    Correspondence, PosedField, bake, bone_rows, part_label, start_groups, union_start_groups,
+    Correspondence, PosedField, PosedWarp, bake, bone_rows, part_label, start_groups, union_start_groups,
 };
-use crate::fields::{Fields, condition, skeleton_parents};
+use crate::fields::{Fields, Skinning, condition};
 use crate::mesh::{Colouring, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
 use crate::tensor_file::TensorFile;
-use crate::train::{insert_parameters, load_parameters};
+use crate::train::{insert_parameters, load_parameters, load_voxels};
 use crate::{Error, Result};
 
 /// Version of the file's layout.
@@ -126,7 +127,11 @@ impl Avatar {
         if subject.joints.len() != JOINTS || !(low.is_finite() && high.is_finite() && low.cmplt(high).all()) {
             return Err(malformed("subject", format!("{} joints in {low} to {high}", subject.joints.len())));
         }
-        let mut fields = Fields::new(&config.fields, &skeleton_parents(), subject.bounds)?;
+        let skinning = match &config.fields.skinning {
+            SkinningSettings::Network(shape) => Skinning::network(shape)?,
+            SkinningSettings::Voxels(_) => Skinning::Voxels(load_voxels(&file, &path)?),
+        };
+        let mut fields = Fields::new(&config.fields, skinning, subject.bounds)?;
         load_parameters(&file, &mut fields)?;
         Ok(Self { fields, config, subject, steps: file.parsed(&path, "steps")? })
     }
@@ -140,13 +145,14 @@ impl Avatar {
         let bones = vec![IDENTITY; JOINTS];
         let groups = start_groups(self.config.starts)?;
         let settings = &self.config.search;
+        let warp = PosedWarp::new(&self.fields.skinning, None, &bones, None)?;
         let posed = PosedField {
             fields: &self.fields,
             bones: &bones,
             embedded: &embedded,
             groups: &groups,
             settings,
-            baked: None,
+            warp: &warp,
             bounds: self.subject.bounds,
         };
         let (minimum, maximum) = self.subject.bounds;
@@ -178,14 +184,24 @@ impl Avatar {
         let groups = union_start_groups(self.config.starts)?;
         let baked = bake(&self.fields.skinning, self.config.searched_field, self.subject.bounds)?;
         let settings = &self.config.search;
-        let fields = &self.fields;
+        let mut fields = self.fields.clone();
+        let mut offsets = None;
+        if let (SkinningSettings::Voxels(shape), Some(voxels)) =
+            (&self.config.fields.skinning, fields.skinning.voxels_mut())
+        {
+            let grid = CanonicalGrid::new(body, labels, &self.subject.betas, *shape)?;
+            grid.prune_starts(voxels, &groups)?;
+            offsets = Some(grid.node_offsets(&body.canonical_offsets(&parameters)?));
+        }
+        let fields = &fields;
+        let warp = PosedWarp::new(&fields.skinning, baked.as_ref(), &bones, offsets.as_deref())?;
         let posed = PosedField {
             fields,
             bones: &bones,
             embedded: &embedded,
             groups: &groups,
             settings,
-            baked: baked.as_ref(),
+            warp: &warp,
             bounds: self.subject.bounds,
         };
 
@@ -283,8 +299,10 @@ impl Shader {
         let mut normals = vec![[0.0; 3]; count];
         let on_points = geometry.gradient().as_chunks().0;
         deformed_normals(on_points, &jacobians, fields.gradient_side(), &mut normals)?;
-        let inputs: Vec<f32> =
-            points.iter().zip(&normals).flat_map(|(point, normal)| [*point, *normal]).flatten().collect();
+        let inputs: Vec<f32> = match fields.texture.sees_normals() {
+            true => points.iter().zip(&normals).flat_map(|(point, normal)| [*point, *normal]).flatten().collect(),
+            false => points.as_flattened().to_vec(),
+        };
         fields.texture.mlp.forward(texture, &inputs, embedded, geometry.features(network));
         let mut colours = vec![0.0; 3 * count];
         TextureField::colours(texture.output(), &mut colours);

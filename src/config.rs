@@ -8,12 +8,13 @@ use serde::{Deserialize, Serialize};
 use xavatar_deformer::SearchSettings;
 use xavatar_network::{AdamSettings, GeometryShape, Representation, TextureShape};
 
+use crate::canonical_grid::VoxelShape;
 use crate::{Error, Result};
 
 /// The built-in presets: name, contents.
 const PRESETS: [(&str, &str); 3] = [
     ("paper-scan", include_str!("../configs/paper-scan.toml")),
-    ("quick", include_str!("../configs/quick.toml")),
+    ("fast", include_str!("../configs/fast.toml")),
     ("demo", include_str!("../configs/demo.toml")),
 ];
 
@@ -58,12 +59,22 @@ pub struct FieldSettings {
     /// The texture field.
     pub texture: TextureShape,
     /// The skinning field.
-    pub skinning: SkinningShape,
+    pub skinning: SkinningSettings,
     /// Probability that a training frame's condition is replaced by zeros, so that unseen poses are no surprise.
     pub condition_dropout: f64,
 }
 
-/// The extents of the skinning field.
+/// The kind of skinning field, and its extents.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "kind")]
+pub enum SkinningSettings {
+    /// A network (thesis).
+    Network(SkinningShape),
+    /// Logits at the nodes of a grid, from the body model's weights on; the search runs on them.
+    Voxels(VoxelShape),
+}
+
+/// The extents of the skinning network.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SkinningShape {
@@ -198,8 +209,12 @@ pub struct LossSettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OptimiserSettings {
-    /// Learning rate at the first step.
+    /// Learning rate of the networks at the first step.
     pub learning_rate: f64,
+    /// That of hash grids.
+    pub grid_learning_rate: f64,
+    /// That of the skinning logits of a grid.
+    pub voxel_learning_rate: f64,
     /// Share of it that is left at the last step, falling exponentially; 1 keeps it constant.
     pub final_share: f64,
     /// The joint norm of all gradients is clipped to this.
@@ -287,6 +302,8 @@ impl Config {
             false => refuse(name, value, &format!("between 0 and {maximum}")),
         };
         positive("optimiser.learning_rate", self.optimiser.learning_rate)?;
+        positive("optimiser.grid_learning_rate", self.optimiser.grid_learning_rate)?;
+        within("optimiser.voxel_learning_rate", self.optimiser.voxel_learning_rate, 1e3)?;
         positive("optimiser.clip", self.optimiser.clip)?;
         positive("optimiser.final_share", self.optimiser.final_share)?;
         positive("optimiser.batch_frames", self.optimiser.batch_frames as f64)?;
@@ -297,7 +314,14 @@ impl Config {
         positive("losses.truncation", self.losses.truncation)?;
         positive("schedule.checkpoint_steps", self.schedule.checkpoint_steps as f64)?;
         positive("schedule.checkpoints_kept", self.schedule.checkpoints_kept as f64)?;
-        positive("fields.skinning.blend", self.fields.skinning.blend.into())?;
+        match &self.fields.skinning {
+            SkinningSettings::Network(shape) => positive("fields.skinning.blend", shape.blend.into())?,
+            SkinningSettings::Voxels(shape) => {
+                for (name, spacing) in [("spacing", shape.spacing), ("fine_spacing", shape.fine_spacing)] {
+                    positive(&format!("fields.skinning.{name}"), spacing.into())?;
+                }
+            }
+        }
         if let SearchedField::Baked { nodes, refresh_steps } = self.searched_field {
             positive("searched_field.refresh_steps", refresh_steps as f64)?;
             for count in nodes {
@@ -387,7 +411,7 @@ mod tests {
     use super::*;
 
     fn set(key: &str, value: &str) -> Result<Config> {
-        Config::preset_with("quick", &[(key.into(), value.into())])
+        Config::preset_with("fast", &[(key.into(), value.into())])
     }
 
     #[test]

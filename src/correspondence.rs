@@ -6,7 +6,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 use xavatar_deformer::{
-    BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, bone_transform, search,
+    BakedWarp, BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, bone_transform, search,
     search_and_polish,
 };
 use xavatar_network::{SkinningField, Trace};
@@ -14,7 +14,7 @@ use xavatar_network::{SkinningField, Trace};
 use crate::Result;
 use crate::body::{FULL_GROUP, JOINTS, Part};
 use crate::config::{SearchedField, Starts};
-use crate::fields::Fields;
+use crate::fields::{Fields, Skinning};
 
 /// Rows a thread evaluates at a time.
 const BLOCK_ROWS: usize = 256;
@@ -71,6 +71,38 @@ pub struct Correspondence {
     pub value: f32,
 }
 
+/// One frame's warp, canonical to deformed.
+pub enum PosedWarp<'a> {
+    /// The skinning network itself.
+    Network(ExactWarp<'a, f32, SkinningField<f32>>),
+    /// The network on a grid, whose roots the network polishes.
+    Polished(BakedWarp<'a, f32>, ExactWarp<'a, f32, SkinningField<f32>>),
+    /// A skinning field that is a grid.
+    Voxels(BakedWarp<'a, f32>),
+}
+
+impl<'a> PosedWarp<'a> {
+    /// The warp of `bones` (J), which `baked` samples where the skinning field is a network that has been sampled; `offsets`
+    /// are those of its nodes where it is a grid.
+    ///
+    /// # Errors
+    /// If the bones do not fit the field or are not finite.
+    pub fn new(
+        skinning: &'a Skinning<f32>,
+        baked: Option<&'a BakedWeights<f32>>,
+        bones: &'a [BoneTransform<f32>],
+        offsets: Option<&[[f32; 3]]>,
+    ) -> Result<Self> {
+        Ok(match (skinning, baked) {
+            (Skinning::Network(field), None) => Self::Network(ExactWarp::new(field, bones)?),
+            (Skinning::Network(field), Some(baked)) => {
+                Self::Polished(baked.warp(bones, None)?, ExactWarp::new(field, bones)?)
+            }
+            (Skinning::Voxels(field), _) => Self::Voxels(field.baked().warp(bones, offsets)?),
+        })
+    }
+}
+
 /// One pose of an avatar.
 pub struct PosedField<'a> {
     /// The avatar's fields.
@@ -83,27 +115,27 @@ pub struct PosedField<'a> {
     pub groups: &'a StartGroups,
     /// When starts are given up.
     pub settings: &'a SearchSettings,
-    /// The skinning field on a grid, to search on before the field itself polishes the roots.
-    pub baked: Option<&'a BakedWeights<f32>>,
+    /// The frame's warp.
+    pub warp: &'a PosedWarp<'a>,
     /// The canonical box; what is outside it is no part of the body.
     pub bounds: (Vec3, Vec3),
 }
 
-/// Samples a skinning field on the grid over `bounds` that the search runs on; none if it runs on the field itself.
+/// Samples a skinning network on the grid over `bounds` that the search runs on; none if it runs on the field itself.
 ///
 /// # Errors
 /// If the box is empty or the grid too large.
 pub fn bake(
-    field: &SkinningField<f32>,
+    skinning: &Skinning<f32>,
     searched: SearchedField,
     bounds: (Vec3, Vec3),
 ) -> Result<Option<BakedWeights<f32>>> {
-    match searched {
-        SearchedField::Exact => Ok(None),
-        SearchedField::Baked { nodes, .. } => {
+    match (skinning, searched) {
+        (Skinning::Network(field), SearchedField::Baked { nodes, .. }) => {
             let grid = Grid::regular(bounds.0.to_array(), bounds.1.to_array(), nodes)?;
             Ok(Some(BakedWeights::sample(field, grid)?))
         }
+        _ => Ok(None),
     }
 }
 
@@ -127,13 +159,13 @@ impl PosedField<'_> {
     /// # Errors
     /// As [`PosedField::correspondences`].
     pub fn candidates(&self, points: &[[f32; 3]], labels: &[u8]) -> Result<Candidates<f32>> {
-        let warp = ExactWarp::new(&self.fields.skinning, self.bones)?;
-        Ok(match self.baked {
-            None => search(&warp, self.groups, points, Some(labels), self.settings)?,
-            Some(baked) => {
-                let fast = baked.warp(self.bones, None)?;
-                search_and_polish(&fast, &warp, self.groups, points, Some(labels), self.settings)?
+        let Self { groups, settings, .. } = *self;
+        Ok(match self.warp {
+            PosedWarp::Network(warp) => search(warp, groups, points, Some(labels), settings)?,
+            PosedWarp::Polished(fast, exact) => {
+                search_and_polish(fast, exact, groups, points, Some(labels), settings)?
             }
+            PosedWarp::Voxels(warp) => search(warp, groups, points, Some(labels), settings)?,
         })
     }
 

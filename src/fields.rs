@@ -3,14 +3,15 @@
 use glam::Vec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use xavatar_deformer::GradientSide;
+use xavatar_deformer::{GradientSide, VoxelSkinning};
 use xavatar_network::{
-    Bounds, GeometryField, KinematicTree, Mlp, MlpGradient, Real, Representation, SkinningField, TextureField,
+    Bounds, GeometryField, KinematicTree, Mlp, Real, Representation, SkinningField, SkinningTrace, SkinningWeights,
+    TextureField,
 };
 
 use crate::Result;
 use crate::body::{BodyParameters, PARENTS};
-use crate::config::FieldSettings;
+use crate::config::{FieldSettings, SkinningShape};
 
 /// Entries of the condition c = [theta_b / pi, psi]: 63 of the body pose, 10 of the expression.
 pub const CONDITION: usize = 73;
@@ -21,9 +22,68 @@ pub fn condition(parameters: &BodyParameters) -> Vec<f32> {
     pose.chain(parameters.expression).collect()
 }
 
-/// The SMPL-X kinematic tree, for [`Fields::new`].
+/// The SMPL-X kinematic tree, for [`Skinning::network`].
 pub fn skeleton_parents() -> Vec<Option<usize>> {
     PARENTS.iter().enumerate().map(|(joint, parent)| (joint > 0).then_some(*parent)).collect()
+}
+
+/// The field of skinning weights.
+#[derive(Clone, Debug)]
+pub enum Skinning<T> {
+    /// A network with a tree-structured softmax (thesis).
+    Network(SkinningField<T>),
+    /// Logits at the nodes of a grid.
+    Voxels(VoxelSkinning<T>),
+}
+
+impl<T: Real> Skinning<T> {
+    /// A network over the SMPL-X skeleton, all parameters zero.
+    ///
+    /// # Errors
+    /// If an extent is out of range.
+    pub fn network(shape: &SkinningShape) -> Result<Self> {
+        let tree = KinematicTree::new(&skeleton_parents())?;
+        let field = SkinningField::new(tree, shape.depth, shape.width, shape.frequencies, shape.blend.into())?;
+        Ok(Self::Network(field))
+    }
+
+    /// Weights (N, J) and their gradients (N, 3, J) at canonical points (N).
+    pub fn weights_and_gradients(
+        &self,
+        trace: &mut SkinningTrace<T>,
+        points: &[[T; 3]],
+        weights: &mut [T],
+        gradients: &mut [T],
+    ) {
+        match self {
+            Self::Network(field) => field.weights_and_gradients(trace, points, weights, gradients),
+            Self::Voxels(field) => field.weights_and_gradients(&mut (), points, weights, gradients),
+        }
+    }
+
+    /// Weights (N, J) at canonical points (N).
+    pub fn weights(&self, trace: &mut SkinningTrace<T>, points: &[[T; 3]], weights: &mut [T]) {
+        match self {
+            Self::Network(field) => field.weights(trace, points, weights),
+            Self::Voxels(field) => field.weights(&mut (), points, weights),
+        }
+    }
+
+    /// The voxels, if that is what it is.
+    pub fn voxels(&self) -> Option<&VoxelSkinning<T>> {
+        match self {
+            Self::Network(_) => None,
+            Self::Voxels(field) => Some(field),
+        }
+    }
+
+    /// The voxels, to update them.
+    pub fn voxels_mut(&mut self) -> Option<&mut VoxelSkinning<T>> {
+        match self {
+            Self::Network(_) => None,
+            Self::Voxels(field) => Some(field),
+        }
+    }
 }
 
 /// Geometry, texture and skinning of one avatar.
@@ -34,32 +94,26 @@ pub struct Fields<T> {
     /// What colour it has.
     pub texture: TextureField<T>,
     /// Which bones move it.
-    pub skinning: SkinningField<T>,
+    pub skinning: Skinning<T>,
 }
 
-/// One value for each of the three fields, in the order geometry, texture, skinning.
-pub type PerField<V> = [V; 3];
-
 /// The fields' names, as checkpoints and avatar files prefix their parameters.
-pub const FIELD_NAMES: PerField<&str> = ["geometry", "texture", "skinning"];
+pub const FIELD_NAMES: [&str; 3] = ["geometry", "texture", "skinning"];
 
 impl<T: Real> Fields<T> {
-    /// Fields of the given extents over a kinematic tree, all parameters zero; grids fill `bounds`, the canonical box.
+    /// Fields of the given extents, geometry and texture all zero; grids fill `bounds`, the canonical box.
     ///
     /// # Errors
     /// If an extent is out of range.
-    pub fn new(settings: &FieldSettings, parents: &[Option<usize>], bounds: (Vec3, Vec3)) -> Result<Self> {
+    pub fn new(settings: &FieldSettings, skinning: Skinning<T>, bounds: (Vec3, Vec3)) -> Result<Self> {
         let bounds = Bounds { lowest: bounds.0.to_array(), highest: bounds.1.to_array() };
         let geometry = GeometryField::new(&settings.geometry, CONDITION, settings.representation, bounds)?;
         let texture =
             TextureField::new(&settings.texture, settings.geometry.embedded, settings.geometry.width, bounds)?;
-        let shape = &settings.skinning;
-        let tree = KinematicTree::new(parents)?;
-        let skinning = SkinningField::new(tree, shape.depth, shape.width, shape.frequencies, shape.blend.into())?;
         Ok(Self { geometry, texture, skinning })
     }
 
-    /// Draws the parameters; each field from a stream of its own.
+    /// Draws the networks' parameters; each field from a stream of its own.
     pub fn initialise(&mut self, seed: u64) {
         let stream = |field: u64| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -68,22 +122,27 @@ impl<T: Real> Fields<T> {
         };
         self.geometry.initialise(&mut stream(0));
         self.texture.initialise(&mut stream(1));
-        self.skinning.initialise(&mut stream(2));
+        if let Skinning::Network(field) = &mut self.skinning {
+            field.initialise(&mut stream(2));
+        }
     }
 
-    /// The three networks.
-    pub fn networks(&self) -> PerField<&Mlp<T>> {
-        [&self.geometry.mlp, &self.texture.mlp, self.skinning.mlp()]
+    /// The networks: geometry, texture and, where it is one, skinning.
+    pub fn networks(&self) -> Vec<&Mlp<T>> {
+        let mut networks = vec![&self.geometry.mlp, &self.texture.mlp];
+        if let Skinning::Network(field) = &self.skinning {
+            networks.push(field.mlp());
+        }
+        networks
     }
 
-    /// The three networks, to update their parameters.
-    pub fn networks_mut(&mut self) -> PerField<&mut Mlp<T>> {
-        [&mut self.geometry.mlp, &mut self.texture.mlp, self.skinning.mlp_mut()]
-    }
-
-    /// Gradients of zeros.
-    pub fn zero_gradients(&self) -> PerField<MlpGradient<T>> {
-        self.networks().map(Mlp::zero_gradient)
+    /// The networks, to update their parameters.
+    pub fn networks_mut(&mut self) -> Vec<&mut Mlp<T>> {
+        let mut networks = vec![&mut self.geometry.mlp, &mut self.texture.mlp];
+        if let Skinning::Network(field) = &mut self.skinning {
+            networks.push(field.mlp_mut());
+        }
+        networks
     }
 
     /// Which way the geometry's gradient points.

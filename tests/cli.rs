@@ -106,7 +106,7 @@ fn wrong_usage_exits_with_2_before_anything_is_read() {
         (with(&["--set", "losses.normal"]), "key=value"),
         (with(&["--set", "losses.normals=1"]), "did you mean `losses.normal`?"),
         (with(&["--set", "losses.normal=-1"]), "losses.normal is -1"),
-        (with(&["--preset", "slow"]), "quick"),
+        (with(&["--preset", "slow"]), "fast"),
         (vec!["eval", "/nowhere", "/nowhere", "--body", "/nowhere", "--baseline", "smpl"], "smplx+d"),
         (vec!["extract", "/nowhere", "--resolution", "100000"], "512"),
         (vec!["extract", "/nowhere", "--pose", "/nowhere"], "--body"),

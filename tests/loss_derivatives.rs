@@ -70,7 +70,7 @@ fn gradients_match_differences() {
         surface: 2.0,
         volume: 0.8,
         eikonal: 0.6,
-        ..Config::preset("quick").unwrap().losses
+        ..Config::preset("demo").unwrap().losses
     };
     let mut random = ChaCha8Rng::seed_from_u64(11);
     let mut fields =

@@ -10,13 +10,13 @@ use glam::{Affine3A, EulerRot, Quat, Vec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use xavatar_deformer::{
-    Axis, BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, Warp, bone_transform,
-    deform, search,
+    Axis, BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, VoxelSkinning, Warp,
+    bone_transform, deform, search,
 };
 use xavatar_network::{KinematicTree, SkinningField, SkinningWeights};
 
 const POINTS: usize = 10_000;
-const RUNS: usize = 7;
+const RUNS: usize = 15;
 
 /// Parents and joints of a body in a star pose, metres.
 const BONES: [(Option<usize>, [f32; 3]); 22] = [
@@ -178,6 +178,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let warp = baked.warp(&bones, None)?;
     let (seconds, found) = fastest(|| search(&warp, &groups, &points, None, &settings));
     print("search, baked, pruned starts", seconds, &found?);
+
+    let found = search(&warp, &groups, &points, None, &settings)?;
+    let rows: Vec<Vec<_>> = (0..baked.grid().len())
+        .map(|node| {
+            let (bones, weights) = baked.weights().row(node);
+            bones.iter().zip(weights).map(|(&bone, &weight)| (usize::from(bone), weight)).collect()
+        })
+        .collect();
+    let mut voxels = VoxelSkinning::new(baked.grid().clone(), BONES.len(), &rows)?;
+    let (seconds, ()) = fastest(|| voxels.update(|logits| logits[0] += 1e-3));
+    println!("{:<34}{:>9.2} ms {:>9} logits", "update of voxel skinning", seconds * 1e3, voxels.parameters().len());
+    let voxel_warp = voxels.baked().warp(&bones, None)?;
+    let roots = &found.points[..3000];
+    let mut gradient = voxels.zero_gradient();
+    let (seconds, _) = fastest(|| voxels.root_backward(&voxel_warp, None, roots, roots, &mut gradient));
+    println!("{:<34}{:>9.2} ms", "root_backward, 3,000 roots", seconds * 1e3);
 
     let parents: Vec<_> = BONES.iter().map(|bone| bone.0).collect();
     let mut field = SkinningField::<f32>::new(KinematicTree::new(&parents)?, 5, 128, 0, 20.0)?;

@@ -83,7 +83,7 @@ impl<T: Real> Axis<T> {
     /// If a spacing is not positive; otherwise as [`Axis::new`].
     pub fn refined(lowest: T, highest: T, spacing: T, finer: &[(T, T, T)]) -> Result<Self> {
         let mut spacings = finer.iter().map(|range| range.2).chain([spacing]);
-        if let Some(wrong) = spacings.find(|spacing| !(*spacing > T::zero())) {
+        if let Some(wrong) = spacings.find(|spacing| spacing.is_nan() || *spacing <= T::zero()) {
             let expected = "a positive number of metres".to_owned();
             return Err(Error::Value { name: "a grid's spacing", found: format!("{wrong:?}"), expected });
         }
@@ -142,7 +142,8 @@ mod tests {
 
     #[test]
     fn every_coordinate_is_found_in_its_cell() {
-        let axis = Axis::refined(-1.0_f32, 1.1, 0.1, &[(-0.93, -0.5, 0.013), (0.2, 0.31, 0.04), (0.3, 0.9, 0.03)]).unwrap();
+        let axis =
+            Axis::refined(-1.0_f32, 1.1, 0.1, &[(-0.93, -0.5, 0.013), (0.2, 0.31, 0.04), (0.3, 0.9, 0.03)]).unwrap();
         let nodes = axis.nodes();
         assert_eq!((nodes[0], nodes[nodes.len() - 1]), (-1.0, 1.1));
         for value in (-1000..=1100).map(|step| step as f32 * 1e-3).chain(nodes.iter().copied()) {
@@ -150,7 +151,9 @@ mod tests {
             assert!(nodes[cell] <= value && value <= nodes[cell + 1], "{value} in {cell}");
             assert!((nodes[cell] + fraction * (nodes[cell + 1] - nodes[cell]) - value).abs() < 1e-6);
         }
-        for (value, expected) in [(-5.0, (0, 0.0)), (f32::NAN, (0, 0.0)), (7.0, (nodes.len() - 2, 1.0)), (1e30, (nodes.len() - 2, 1.0))] {
+        for (value, expected) in
+            [(-5.0, (0, 0.0)), (f32::NAN, (0, 0.0)), (7.0, (nodes.len() - 2, 1.0)), (1e30, (nodes.len() - 2, 1.0))]
+        {
             let Place { cell, fraction } = axis.place(value);
             assert_eq!((cell, fraction), expected, "{value}");
             assert_eq!(axis.slope(cell, value), 0.0);
@@ -171,7 +174,15 @@ mod tests {
 
     #[test]
     fn impossible_axes_are_refused() {
-        for nodes in [vec![], vec![1.0], vec![1.0, 1.0], vec![0.0, 2.0, 1.0], vec![0.0, f64::NAN, 1.0], vec![0.0, 1e-9, 1.0], vec![0.0, f64::INFINITY]] {
+        for nodes in [
+            vec![],
+            vec![1.0],
+            vec![1.0, 1.0],
+            vec![0.0, 2.0, 1.0],
+            vec![0.0, f64::NAN, 1.0],
+            vec![0.0, 1e-9, 1.0],
+            vec![0.0, f64::INFINITY],
+        ] {
             assert!(Axis::new(nodes.clone()).is_err(), "{nodes:?}");
         }
         assert!(Axis::regular(0.0, 1.0, 1).is_err() && Axis::regular(0.0, 1.0, usize::MAX).is_err());

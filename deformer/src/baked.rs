@@ -143,13 +143,14 @@ mod tests {
     }
 
     #[test]
-    fn nodes_hold_the_exact_transforms_also_on_the_upper_faces() {
+    fn nodes_hold_the_fields_transforms_also_on_the_upper_faces() {
         let (field, bones) = posed::<f64>(51, JOINTS, 0.8);
         let baked = bake(&field, [5, 4, 3]);
         let points: Vec<_> = (0..60).map(|node| baked.grid().position(node)).collect();
         assert!(points[59].iter().zip(HIGHEST).all(|(found, expected)| (found - expected).abs() < 1e-12));
         let exact = transforms(&ExactWarp::new(&field, &bones).unwrap(), &points);
-        assert!(greatest_difference(&transforms(&baked.warp(&bones, None).unwrap(), &points), &exact) < 1e-12);
+        // Weights up to 0.001 are dropped.
+        assert!(greatest_difference(&transforms(&baked.warp(&bones, None).unwrap(), &points), &exact) < 5e-3);
     }
 
     // Linear interpolation: halving the cells quarters the error

@@ -125,6 +125,9 @@ impl<'a, T: Real> BakedWarp<'a, T> {
 impl<T: Real> Warp<T> for BakedWarp<'_, T> {
     type Workspace = ();
 
+    // The eight nodes of each point stay in the second-level cache from one iteration to the next.
+    const BATCH: usize = 128;
+
     fn bones(&self) -> &[BoneTransform<T>] {
         self.bones
     }

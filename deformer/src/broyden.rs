@@ -10,9 +10,6 @@ use crate::broyden_lanes::{LANES, Pack, Status};
 use crate::skinning::vectorised;
 use crate::{BoneTransform, Jacobian, Warp};
 
-/// How many starts are active at once: full matrix products for the field, small enough for the second-level cache.
-const ACTIVE: usize = 256;
-
 /// When a start is finished.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits<T> {
@@ -89,8 +86,8 @@ pub(crate) fn solve<T: Real, W: Warp<T>>(
 ) -> usize {
     let mut waiting = starts.enumerate();
     let mut evaluations = 0;
-    active.clear();
-    for (index, start) in waiting.by_ref().take(ACTIVE) {
+    active.clear(W::BATCH);
+    for (index, start) in waiting.by_ref().take(W::BATCH) {
         active.push(index, &start);
     }
     while !active.points.is_empty() {
@@ -125,11 +122,11 @@ pub(crate) fn solve<T: Real, W: Warp<T>>(
 }
 
 impl<T: Real> ActiveSet<T> {
-    fn clear(&mut self) {
+    fn clear(&mut self, batch: usize) {
         self.points.clear();
         self.slots.clear();
-        self.transforms.resize(ACTIVE, [T::zero(); 12]);
-        self.packs.resize(ACTIVE.div_ceil(LANES), Pack::default());
+        self.transforms.resize(batch, [T::zero(); 12]);
+        self.packs.resize(batch.div_ceil(LANES), Pack::default());
     }
 
     fn push(&mut self, index: usize, start: &Start<T>) {

@@ -128,6 +128,7 @@ impl<T: Real> Pack<T> {
 
     /// Takes d(x) of each lane and moves the lane on, or says why its search has ended.
     #[inline(always)]
+    #[expect(clippy::needless_range_loop, reason = "one lane of many arrays; iterators hide it from the vectoriser")]
     pub(crate) fn advance(&mut self, images: &[Lanes<T>; 3], limits: &Limits<T>) {
         let (zero, one, bound) = (T::zero(), T::one(), T::of(DAMPING));
         let tolerance = limits.tolerance * limits.tolerance;

@@ -107,8 +107,7 @@ impl<T: Real> Grid<T> {
     #[inline(always)]
     pub(crate) fn cell(&self, point: [T; 3]) -> Cell<T> {
         let strides = self.strides();
-        let [x, y, z] =
-            [self.axes[0].place(point[0]), self.axes[1].place(point[1]), self.axes[2].place(point[2])];
+        let [x, y, z] = [self.axes[0].place(point[0]), self.axes[1].place(point[1]), self.axes[2].place(point[2])];
         Cell {
             node: x.cell + y.cell * strides[1] + z.cell * strides[2],
             strides,
@@ -180,7 +179,8 @@ mod tests {
 
     #[test]
     fn cells_nodes_and_points_agree_on_their_numbers() {
-        let axes = [vec![0.0, 0.1, 0.5, 1.0], vec![-1.0, 0.0, 0.25], vec![2.0, 2.5, 2.6]].map(|n| Axis::new(n).unwrap());
+        let axes =
+            [vec![0.0, 0.1, 0.5, 1.0], vec![-1.0, 0.0, 0.25], vec![2.0, 2.5, 2.6]].map(|n| Axis::new(n).unwrap());
         let grid = Grid::<f64>::new(axes).unwrap();
         assert_eq!((grid.len(), grid.cells()), (36, 12));
         for number in 0..grid.cells() {

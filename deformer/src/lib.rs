@@ -21,6 +21,8 @@ mod skinning;
 mod softmax_field;
 mod sparse_weights;
 mod start_regions;
+mod voxel;
+mod voxel_gradient;
 mod warp;
 
 pub use affine::{BoneTransform, Jacobian, bone_transform};
@@ -37,4 +39,5 @@ pub use search::{SearchSettings, search, search_and_polish};
 pub use skinning::{blend_transforms, deform, deform_backward, jacobians_backward, skinning_jacobians};
 pub use sparse_weights::SparseWeights;
 pub use start_regions::{StartBoxes, StartRegions};
+pub use voxel::VoxelSkinning;
 pub use warp::{ExactWarp, ExactWorkspace, Warp};

@@ -36,7 +36,9 @@ impl<T: Real> SparseWeights<T> {
             let row = row.as_ref();
             let total: T = row.iter().map(|&(_, weight)| weight).sum();
             let twice = |index: usize| row[..index].iter().any(|&(bone, _)| bone == row[index].0);
-            let wrong = |index: usize| row[index].0 >= joints || !(row[index].1 >= T::zero()) || twice(index);
+            let wrong = |index: usize| {
+                row[index].0 >= joints || row[index].1.is_nan() || row[index].1 < T::zero() || twice(index)
+            };
             if !(total > T::zero() && total.is_finite()) || (0..row.len()).any(wrong) {
                 return Err(Error::Value {
                     name: "a node's skinning weights",
@@ -101,16 +103,13 @@ impl<T: Real> SparseWeights<T> {
         self.offsets[node] as usize..self.offsets[node + 1] as usize
     }
 
-    pub(crate) fn offsets(&self) -> &[u32] {
-        &self.offsets
-    }
-
     pub(crate) fn weights(&self) -> &[T] {
         &self.weights
     }
 
-    pub(crate) fn weights_mut(&mut self) -> &mut [T] {
-        &mut self.weights
+    /// The places of the rows (R + 1) and all their weights.
+    pub(crate) fn offsets_and_weights_mut(&mut self) -> (&[u32], &mut [T]) {
+        (&self.offsets, &mut self.weights)
     }
 
     /// The node's blended transform, padded to 16.
@@ -149,7 +148,14 @@ mod tests {
 
     #[test]
     fn rows_that_are_no_weights_are_refused() {
-        for row in [vec![], vec![(0, 0.0)], vec![(0, 1.0), (0, 1.0)], vec![(3, 1.0)], vec![(0, 2.0), (1, -1.0)], vec![(0, f64::NAN)]] {
+        for row in [
+            vec![],
+            vec![(0, 0.0)],
+            vec![(0, 1.0), (0, 1.0)],
+            vec![(3, 1.0)],
+            vec![(0, 2.0), (1, -1.0)],
+            vec![(0, f64::NAN)],
+        ] {
             assert!(SparseWeights::new(3, [&row[..]]).is_err(), "{row:?}");
         }
         assert!(SparseWeights::<f64>::new(257, [[(0, 1.0)]]).is_err());

@@ -237,3 +237,114 @@ fn owners<T: Real>(grid: &Grid<T>, weights: &SparseWeights<T>, group: &[usize]) 
     }
     owners.into_iter().map(|owner| owner.unwrap_or(group[0] as u8)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::softmax_field::{SoftmaxField, generator, vectors};
+    use crate::{BakedWeights, SearchSettings, Warp, search};
+
+    const JOINTS: usize = 8;
+
+    /// A chain of bones along x, each turned against its parent; grid and which of its cells are near the chain.
+    fn chain() -> (BakedWeights<f64>, Vec<BoneTransform<f64>>, Vec<bool>) {
+        let centres: Vec<[f64; 3]> = (0..JOINTS).map(|bone| [0.2 * bone as f64 - 0.7, 0.0, 0.0]).collect();
+        let mut bones: Vec<glam::DAffine3> = Vec::new();
+        let mut generator = generator(71);
+        for centre in &centres {
+            let pivot = glam::DVec3::from(*centre) - glam::DVec3::new(0.1, 0.0, 0.0);
+            let turn = glam::DQuat::from_scaled_axis(vectors::<f64>(&mut generator, 1, 0.5)[0].into());
+            let local = glam::DAffine3::from_translation(pivot)
+                * glam::DAffine3::from_quat(turn)
+                * glam::DAffine3::from_translation(-pivot);
+            bones.push(bones.last().map_or(local, |parent| *parent * local));
+        }
+        let rows = bones.iter().map(|bone| {
+            let (m, t) = (bone.matrix3.transpose().to_cols_array(), bone.translation.to_array());
+            std::array::from_fn(|index| if index % 4 == 3 { t[index / 4] } else { m[index / 4 * 3 + index % 4] })
+        });
+        let grid = Grid::<f64>::regular([-1.0, -0.4, -0.4], [1.0, 0.4, 0.4], [51, 21, 21]).unwrap();
+        let near = |cell: usize| {
+            let [low, high] = grid.cell_corners(cell);
+            let middle = |axis: usize| -> f64 { 0.5 * (low[axis] + high[axis]) };
+            middle(0).abs() < 0.9 && middle(1).hypot(middle(2)) < 0.2
+        };
+        let matters = (0..grid.cells()).map(near).collect();
+        let field = SoftmaxField { centres, radius: 0.12 };
+        (BakedWeights::sample(&field, grid).unwrap(), rows.collect(), matters)
+    }
+
+    fn image(warp: &impl Warp<f64>, point: [f64; 3]) -> [f64; 3] {
+        let mut transform = [[0.0; 12]];
+        warp.transforms(&mut Default::default(), &[point], &mut transform);
+        apply(&transform[0], point)
+    }
+
+    #[test]
+    fn every_owner_of_a_roots_cell_keeps_its_start() {
+        let (mut baked, bones, matters) = chain();
+        // The second part's bones have no weight in most cells.
+        let groups = StartGroups::new(JOINTS, vec![(0..JOINTS).collect(), vec![6, 7]], vec![1, 4]).unwrap();
+        baked.prune_starts(&groups, &matters).unwrap();
+        let offsets: Vec<[f64; 3]> = vectors(&mut generator(72), baked.grid().len(), 0.02);
+        let warp = baked.warp(&bones, Some(&offsets)).unwrap();
+        let boxes = warp.start_boxes().expect("boxes of the frame");
+        let points: Vec<[f64; 3]> = vectors(&mut generator(73), 20_000, 0.95);
+        let mut tried = 0;
+        for point in points.into_iter().map(|[x, y, z]| [x, 0.3 * y, 0.3 * z]).filter(|&point| warp.matters(point)) {
+            let target = image(&warp, point);
+            let nodes = baked.grid().cell_nodes(baked.grid().cell_number(point).expect("in the box"));
+            for (label, group) in [(Some(0), 0), (Some(1), 1), (None, 2)] {
+                let names = groups.bones(label).unwrap();
+                let owners = owners(baked.grid(), baked.weights(), names);
+                for owner in nodes.map(|node| usize::from(owners[node])) {
+                    let place = names.iter().position(|&bone| bone == owner).expect("of the group");
+                    let start = apply(&inverse_transform(&bones[owner]).expect("a rotation"), target);
+                    let [low, high] = boxes.boxes[group][place];
+                    assert!((0..3).all(|axis| low[axis] <= start[axis] && start[axis] <= high[axis]));
+                }
+            }
+            tried += 1;
+            if tried == 300 {
+                return;
+            }
+        }
+        panic!("{tried} points are too few");
+    }
+
+    #[test]
+    fn pruned_searches_find_the_roots_that_matter_with_fewer_starts() {
+        let (mut baked, bones, matters) = chain();
+        let groups = StartGroups::all(JOINTS).unwrap();
+        let canonical =
+            vectors::<f64>(&mut generator(74), 2000, 0.85).into_iter().map(|[x, y, z]| [x, 0.2 * y, 0.2 * z]);
+        let settings = SearchSettings::default();
+        let (points, full) = {
+            let warp = baked.warp(&bones, None).unwrap();
+            let points: Vec<_> = canonical.map(|point| image(&warp, point)).collect();
+            let full = search(&warp, &groups, &points, None, &settings).unwrap();
+            (points, full)
+        };
+        baked.prune_starts(&groups, &matters).unwrap();
+        let warp = baked.warp(&bones, None).unwrap();
+        let pruned = search(&warp, &groups, &points, None, &settings).unwrap();
+        let (mut known, mut found) = (0, 0);
+        for point in 0..points.len() {
+            for root in full.range(point).filter(|&root| warp.matters(full.points[root])) {
+                let same = |other: usize| {
+                    let gap = subtract(full.points[root], pruned.points[other]);
+                    dot(gap, gap) < 1e-6
+                };
+                known += 1;
+                found += usize::from(pruned.range(point).any(same));
+            }
+        }
+        let s = pruned.statistics;
+        println!("{found} of {known} roots with {} starts, {} pruned, {} immaterial", s.starts, s.pruned, s.immaterial);
+        assert!(known > 1500 && found * 1000 >= known * 995, "{found} of {known} roots");
+        assert!(s.starts + s.pruned == full.statistics.starts && s.pruned * 2 > full.statistics.starts, "{s:?}");
+        assert!(pruned.points.iter().all(|&point| warp.matters(point)));
+        let other = StartGroups::new(JOINTS, Vec::new(), vec![0]).unwrap();
+        assert!(search(&warp, &other, &points, None, &settings).is_err());
+    }
+}

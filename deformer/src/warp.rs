@@ -15,6 +15,9 @@ pub trait Warp<T: Real>: Sync {
     /// Scratch memory of one thread, kept between calls so that none of them allocates.
     type Workspace: Default + Send;
 
+    /// How many points one call is best given: full matrix products for a network, small enough for the second-level cache.
+    const BATCH: usize = 256;
+
     /// The frame's bone transforms, canonical to posed (J).
     fn bones(&self) -> &[BoneTransform<T>];
 

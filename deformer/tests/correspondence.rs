@@ -6,8 +6,8 @@ use std::path::Path;
 
 use candle_core::{DType, Device, Tensor};
 use xavatar_deformer::{
-    BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, Warp, deform, deform_backward,
-    root_cotangents, search, search_and_polish,
+    BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, Warp, deform,
+    deform_backward, root_cotangents, search, search_and_polish,
 };
 use xavatar_network::{Backward, KinematicTree, Real, SkinningField, SkinningWeights};
 

@@ -63,6 +63,11 @@ impl<T: Real> TextureField<T> {
         Ok(Self { mlp })
     }
 
+    /// Whether its input is a point with the deformed normal there, not the point alone.
+    pub fn sees_normals(&self) -> bool {
+        self.mlp.shape().inputs == 6
+    }
+
     /// Draws the parameters as PyTorch's `Linear` does.
     pub fn initialise(&mut self, random: &mut impl Rng) {
         self.mlp.initialise_uniform(random);

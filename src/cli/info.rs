@@ -53,6 +53,9 @@ fn print_avatar(path: &Path) -> anyhow::Result<()> {
     for (name, network) in FIELD_NAMES.into_iter().zip(fields.networks()) {
         println!("{name}: {} parameters", network.parameters().len());
     }
+    if let Some(voxels) = fields.skinning.voxels() {
+        println!("skinning: {} logits at {} nodes", voxels.parameters().len(), voxels.baked().grid().len());
+    }
     println!("betas: {:?}", subject.betas);
     let (low, high) = subject.bounds;
     println!("canonical box: {low} to {high} m");

@@ -24,7 +24,7 @@ pub struct Train {
     /// The run's folder: new or empty, unless it is resumed
     #[arg(long, value_name = "RUN")]
     out: PathBuf,
-    /// Networks and constants to start from: quick, demo, paper-scan [default: quick]
+    /// Networks and constants to start from: fast, demo, paper-scan [default: fast]
     #[arg(long, value_name = "P")]
     preset: Option<String>,
     /// Wall time of the whole command, preparation included, instead of a number of steps
@@ -86,7 +86,7 @@ impl Train {
     }
 
     fn new_configuration(&self) -> anyhow::Result<Config> {
-        let preset = self.preset.as_deref().unwrap_or("quick");
+        let preset = self.preset.as_deref().unwrap_or("fast");
         let config = Config::preset_with(preset, &self.settings()).map_err(WrongUsage)?;
         if !outputs::is_new_or_empty(&self.out)? {
             bail!(

@@ -23,7 +23,12 @@ pub struct SolidIndex {
     surface: SurfaceIndex,
     /// Of each node's faces.
     dipoles: Vec<Dipole>,
+    /// Of each face of the mesh.
+    face_normals: Vec<Vec3>,
 }
+
+/// A closest point whose least barycentric weight is above this is within a face, not on an edge, whatever the rounding.
+const FACE_INTERIOR: f32 = 1e-4;
 
 #[derive(Clone, Copy, Debug)]
 struct Dipole {
@@ -44,7 +49,8 @@ impl SolidIndex {
     pub fn new(mesh: &TriangleMesh) -> Result<Self> {
         let surface = SurfaceIndex::new(mesh)?;
         let dipoles = dipoles(&surface.hierarchy);
-        Ok(Self { surface, dipoles })
+        let face_normals = (0..mesh.faces.len() as u32).map(|face| mesh.face_normal(face)).collect();
+        Ok(Self { surface, dipoles, face_normals })
     }
 
     /// The solid's surface.
@@ -101,6 +107,20 @@ impl SolidIndex {
     pub fn signed_distance(&self, point: Vec3) -> (f32, ClosestPoint) {
         let closest = self.surface.closest(point);
         (if self.is_inside(point) { -closest.distance } else { closest.distance }, closest)
+    }
+
+    /// The distance to the surface if it is less than `radius`, metres, negative inside; the smaller the radius, the faster.
+    ///
+    /// Where the closest point is inside a face, that face tells the side, elsewhere the winding number.
+    #[must_use]
+    pub fn signed_distance_within(&self, point: Vec3, radius: f32) -> Option<f32> {
+        let closest = self.surface.closest_within(point, radius)?;
+        let within_face = closest.barycentric.iter().all(|share| *share > FACE_INTERIOR);
+        let is_inside = match within_face {
+            true => (point - closest.position).dot(self.face_normals[closest.face as usize]) < 0.0,
+            false => self.is_inside(point),
+        };
+        Some(if is_inside { -closest.distance } else { closest.distance })
     }
 
     /// Signed distances (N) and closest points (N) of many points (N), in parallel.

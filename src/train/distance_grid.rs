@@ -18,13 +18,21 @@ impl DistanceGrid {
     /// Samples the distance to `solid` in the box from `low` to `high`.
     pub fn new(solid: &SolidIndex, low: Vec3, high: Vec3) -> Self {
         let nodes = ((high - low) / SPACING).ceil().as_uvec3() + 2;
-        let position = |index: u32| {
-            let node = UVec3::new(index % nodes.x, index / nodes.x % nodes.y, index / nodes.x / nodes.y);
-            low + SPACING * node.as_vec3()
-        };
+        let mut grid = Self { low, nodes, values: Vec::new() };
         let count = nodes.x * nodes.y * nodes.z;
-        let values = (0..count).into_par_iter().map(|index| solid.signed_distance(position(index)).0).collect();
-        Self { low, nodes, values }
+        grid.values = (0..count).into_par_iter().map(|index| solid.signed_distance(grid.position(index)).0).collect();
+        grid
+    }
+
+    /// The nodes whose distance is below `level`.
+    pub fn nodes_below(&self, level: f32) -> Vec<Vec3> {
+        let below = self.values.iter().enumerate().filter(|(_, value)| **value < level);
+        below.map(|(index, _)| self.position(index as u32)).collect()
+    }
+
+    fn position(&self, index: u32) -> Vec3 {
+        let UVec3 { x, y, .. } = self.nodes;
+        self.low + SPACING * UVec3::new(index % x, index / x % y, index / x / y).as_vec3()
     }
 
     /// The distance at a point, negative inside; of the nearest place in the box for a point beyond it.

@@ -17,12 +17,12 @@ use xavatar_deformer::{
     jacobians_backward, root_cotangents, skinning_jacobians,
 };
 use xavatar_network::{
-    Backward, MlpGradient, Real, Representation, SkinningTrace, SkinningWeights, TextureField, Trace,
+    Backward, Mlp, MlpGradient, Real, Representation, SkinningTrace, SkinningWeights, SummedGradient, TextureField, Trace,
 };
 
 use crate::Result;
 use crate::config::LossSettings;
-use crate::fields::{Fields, PerField};
+use crate::fields::{Fields, Skinning};
 
 /// Rows of a block: its activations stay in the cache from the first sweep to the last.
 const BLOCK_ROWS: usize = 256;
@@ -95,7 +95,10 @@ pub struct LossEvaluator<T> {
 /// One thread's activations, gradients and sums.
 #[derive(Debug)]
 struct Worker<T> {
-    gradients: PerField<MlpGradient<T>>,
+    /// Of each network.
+    gradients: Vec<MlpGradient<T>>,
+    /// Of the off-surface points that the search found: the first one's index, and their cotangents.
+    root_cotangents: Vec<(usize, Vec<[T; 3]>)>,
     terms: LossTerms,
     embedded_cotangent: Vec<T>,
     geometry: Trace<T>,
@@ -128,7 +131,8 @@ impl<T: Real> LossEvaluator<T> {
     /// An evaluator for `fields` that runs on `threads` threads.
     pub fn new(fields: &Fields<T>, threads: usize) -> Self {
         let worker = || Worker {
-            gradients: fields.zero_gradients(),
+            gradients: fields.networks().into_iter().map(Mlp::zero_gradient).collect(),
+            root_cotangents: Vec::new(),
             terms: LossTerms::new(),
             embedded_cotangent: Vec::new(),
             geometry: Trace::default(),
@@ -156,6 +160,7 @@ impl<T: Real> LossEvaluator<T> {
         let threads = self.workers.len();
         self.workers.par_iter_mut().enumerate().try_for_each(|(thread, worker)| {
             worker.terms.clear();
+            worker.root_cotangents.clear();
             worker.embedded_cotangent.clear();
             worker.embedded_cotangent.resize(embedded.len(), T::zero());
             blocks.iter().skip(thread).step_by(threads).try_for_each(|block| worker.run(&frame, block))
@@ -173,11 +178,27 @@ impl<T: Real> LossEvaluator<T> {
         Ok(terms)
     }
 
-    /// Takes the parameters' gradients of each field since the last call, and sets the sums to zero.
-    pub fn take_gradients(&mut self, fields: &Fields<T>) -> PerField<Vec<T>> {
+    /// The cotangents of the last batch's off-surface points, in their order, for a skinning field on a grid.
+    pub fn root_cotangents(&self, points: usize) -> Vec<[T; 3]> {
+        let mut cotangents = vec![[T::zero(); 3]; points];
+        for (first, values) in self.workers.iter().flat_map(|worker| &worker.root_cotangents) {
+            cotangents[*first..first + values.len()].copy_from_slice(values);
+        }
+        cotangents
+    }
+
+    /// Sums each network's gradient since the last call.
+    pub fn sum_gradients<'a>(&'a mut self, fields: &Fields<T>) -> Vec<SummedGradient<'a, T>> {
+        let mut of_threads: Vec<_> = self.workers.iter_mut().map(|worker| worker.gradients.iter_mut()).collect();
+        let networks = fields.networks().into_iter();
+        networks.map(|network| network.sum_gradients(of_threads.iter_mut().filter_map(Iterator::next))).collect()
+    }
+
+    /// Takes the parameters' gradients of each network since the last call, and sets the sums to zero.
+    pub fn take_gradients(&mut self, fields: &Fields<T>) -> Vec<Vec<T>> {
         let networks = fields.networks();
         let mut index = 0;
-        networks.map(|network| {
+        let gradient_of = |network: &Mlp<T>| {
             let (first, others) = self.workers.split_at_mut(1);
             let sum = &mut first[0].gradients[index];
             for other in others {
@@ -189,7 +210,8 @@ impl<T: Real> LossEvaluator<T> {
             sum.clear();
             index += 1;
             gradient
-        })
+        };
+        networks.into_iter().map(gradient_of).collect()
     }
 }
 
@@ -252,7 +274,11 @@ impl<T: Real> Worker<T> {
             Block::Off(rows) => {
                 let batch = frame.batch;
                 let points = &batch.off_points[rows.clone()];
-                self.off_surface(frame, points, &batch.off_targets[rows.clone()], batch.implicit_gradient)
+                self.off_surface(frame, points, &batch.off_targets[rows.clone()], batch.implicit_gradient)?;
+                if batch.implicit_gradient && frame.fields.skinning.voxels().is_some() {
+                    self.root_cotangents.push((rows.start, self.geometry.point_cotangent().as_chunks().0.to_vec()));
+                }
+                Ok(())
             }
             Block::Far(rows) => {
                 let batch = frame.batch;
@@ -326,8 +352,9 @@ impl<T: Real> Worker<T> {
         if implicit { self.implicit_gradient(frame, points) } else { Ok(()) }
     }
 
-    /// Carries the cotangent of roots x_c, left in the geometry's trace, to the skinning field: -J^-T x_c_bar on d_w at fixed x_c.
+    /// Carries the cotangent of roots x_c, left in the geometry's trace, to the skinning network: -J^-T x_c_bar on d_w at fixed x_c.
     fn implicit_gradient(&mut self, frame: &Frame<T>, points: &[[T; 3]]) -> Result<()> {
+        let Skinning::Network(field) = &frame.fields.skinning else { return Ok(()) };
         self.skin(frame, points)?;
         let Self { geometry, skinning, gradients, buffers, .. } = self;
         let Buffers { transforms, jacobians, normal_cotangents, point_cotangents, weight_cotangents, .. } = buffers;
@@ -337,7 +364,7 @@ impl<T: Real> Worker<T> {
         clear(point_cotangents, points.len(), [T::zero(); 3]);
         let bones = &frame.batch.bones;
         deform_backward(transforms, bones, points, normal_cotangents, weight_cotangents, point_cotangents)?;
-        frame.fields.skinning.backward(skinning, weight_cotangents, None, Backward::Parameters, &mut gradients[2]);
+        field.backward(skinning, weight_cotangents, None, Backward::Parameters, &mut gradients[2]);
         Ok(())
     }
 
@@ -356,11 +383,42 @@ impl<T: Real> Worker<T> {
     }
 
     fn on_surface(&mut self, frame: &Frame<T>, rows: Range<usize>) -> Result<()> {
+        let points = &frame.batch.on_points[rows.clone()];
+        let Frame { fields, losses, .. } = frame;
+        fields.geometry.mlp.forward(&mut self.geometry, points.as_flattened(), frame.embedded, &[]);
+        if losses.normal > 0.0 || losses.colour > 0.0 && fields.texture.sees_normals() {
+            return self.on_surface_with_normals(frame, rows);
+        }
+        if losses.colour > 0.0 {
+            self.colour(frame, points, &frame.batch.on_colours[rows]);
+        }
+        self.surface_distance(frame);
+        let Self { geometry, gradients, buffers, .. } = self;
+        let network = &fields.geometry.mlp;
+        let on_embedded = network.backward(geometry, &buffers.values, None, Backward::Parameters, &mut gradients[0]);
+        self.add_embedded(&on_embedded);
+        Ok(())
+    }
+
+    /// The loss |f| of the on-surface block in the geometry's trace, a term of signed distances only; leaves its cotangents.
+    fn surface_distance(&mut self, frame: &Frame<T>) {
+        let total = frame.batch.on_points.len();
+        let is_distance = frame.fields.geometry.representation == Representation::SignedDistance;
+        let factor = if is_distance { frame.factor(frame.losses.distance, total) } else { T::zero() };
+        let outputs = self.geometry.output();
+        self.buffers.values.clear();
+        self.buffers.values.extend(outputs.iter().map(|value| factor * sign(*value)));
+        if is_distance {
+            let sum = outputs.iter().map(|value| value.abs().wide()).sum();
+            self.add_term("distance", sum, total);
+        }
+    }
+
+    fn on_surface_with_normals(&mut self, frame: &Frame<T>, rows: Range<usize>) -> Result<()> {
         let Frame { fields, batch, losses, .. } = frame;
         let points = &batch.on_points[rows.clone()];
         let total = batch.on_points.len();
         let side = fields.gradient_side();
-        fields.geometry.mlp.forward(&mut self.geometry, points.as_flattened(), frame.embedded, &[]);
         clear(&mut self.buffers.values, points.len(), T::one());
         fields.geometry.mlp.input_gradient(&mut self.geometry, &self.buffers.values);
         self.skin(frame, points)?;
@@ -382,6 +440,7 @@ impl<T: Real> Worker<T> {
             self.colour(frame, points, &batch.on_colours[rows]);
         }
 
+        self.surface_distance(frame);
         let Self { geometry, skinning, gradients: sums, buffers, .. } = self;
         let gradients = geometry.gradient().as_chunks().0;
         clear(&mut buffers.gradient_cotangents, points.len(), [T::zero(); 3]);
@@ -394,18 +453,13 @@ impl<T: Real> Worker<T> {
             &mut buffers.gradient_cotangents,
             &mut buffers.jacobian_cotangents,
         )?;
-        let mut distance = 0.0;
-        let on_value = match fields.geometry.representation {
-            Representation::Occupancy => T::zero(),
-            Representation::SignedDistance => frame.factor(losses.distance, total),
-        };
-        for (cotangent, value) in buffers.values.iter_mut().zip(geometry.output()) {
-            *cotangent = on_value * sign(*value);
-            distance += value.abs().wide();
-        }
         let on_gradient = Some(buffers.gradient_cotangents.as_flattened());
         let network = &fields.geometry.mlp;
         let on_embedded = network.backward(geometry, &buffers.values, on_gradient, Backward::Parameters, &mut sums[0]);
+        let Skinning::Network(field) = &fields.skinning else {
+            self.add_embedded(&on_embedded);
+            return Ok(());
+        };
         let bones = &batch.bones;
         clear(&mut buffers.weight_cotangents, points.len() * bones.len(), T::zero());
         clear(&mut buffers.weight_gradient_cotangents, 3 * points.len() * bones.len(), T::zero());
@@ -420,11 +474,8 @@ impl<T: Real> Worker<T> {
             &mut buffers.point_cotangents,
         )?;
         let on_slopes = Some(buffers.weight_gradient_cotangents.as_slice());
-        fields.skinning.backward(skinning, &buffers.weight_cotangents, on_slopes, Backward::Parameters, &mut sums[2]);
+        field.backward(skinning, &buffers.weight_cotangents, on_slopes, Backward::Parameters, &mut sums[2]);
         self.add_embedded(&on_embedded);
-        if fields.geometry.representation == Representation::SignedDistance {
-            self.add_term("distance", distance, total);
-        }
         Ok(())
     }
 
@@ -433,9 +484,12 @@ impl<T: Real> Worker<T> {
         let Self { geometry, texture, gradients, buffers, .. } = self;
         let network = &frame.fields.texture.mlp;
         buffers.texture_points.clear();
-        for (point, normal) in points.iter().zip(&buffers.normals) {
+        let sees_normals = frame.fields.texture.sees_normals();
+        for (index, point) in points.iter().enumerate() {
             buffers.texture_points.extend_from_slice(point);
-            buffers.texture_points.extend_from_slice(normal);
+            if sees_normals {
+                buffers.texture_points.extend_from_slice(&buffers.normals[index]);
+            }
         }
         buffers.features.clear();
         buffers.features.extend_from_slice(geometry.features(&frame.fields.geometry.mlp));
@@ -453,9 +507,10 @@ impl<T: Real> Worker<T> {
             cotangent.push(factor * sign(error));
         }
         TextureField::colours_backward(&buffers.colours, &mut cotangent);
-        let wanted = Backward::ParametersAndPoints;
+        let wanted = if sees_normals { Backward::ParametersAndPoints } else { Backward::Parameters };
         let on_embedded = network.backward(texture, &cotangent, None, wanted, &mut gradients[1]);
-        for (cotangent, point) in buffers.normal_cotangents.iter_mut().zip(texture.point_cotangent().chunks_exact(6)) {
+        let on_points = if sees_normals { texture.point_cotangent() } else { &[] };
+        for (cotangent, point) in buffers.normal_cotangents.iter_mut().zip(on_points.chunks_exact(6)) {
             for axis in 0..3 {
                 cotangent[axis] += point[3 + axis];
             }
@@ -492,7 +547,7 @@ impl<T: Real> Worker<T> {
         weight: f64,
         rows: Range<usize>,
     ) {
-        let field = &frame.fields.skinning;
+        let Skinning::Network(field) = &frame.fields.skinning else { return };
         let total = targets.points.len();
         let factor = T::of(2.0) * frame.factor(weight, total);
         let joints = field.joints();

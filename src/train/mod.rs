@@ -18,7 +18,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-pub(crate) use checkpoint::{insert_parameters, load_parameters};
+pub(crate) use checkpoint::{insert_parameters, load_parameters, load_voxels};
 pub use trainer::{Ending, Trainer};
 
 use losses::LossTerms;

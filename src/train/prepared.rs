@@ -45,6 +45,8 @@ pub(super) struct PreparedFrame<'a> {
     pub id: FrameId,
     pub condition: Vec<f32>,
     pub bones: Vec<BoneTransform<f32>>,
+    /// What expression and pose add to the canonical body's vertices (V).
+    pub offsets: Vec<Vec3>,
     pub scan: Surface,
     pub body: Surface,
     pub registration: Registration<'a>,
@@ -72,6 +74,7 @@ impl<'a> PreparedFrame<'a> {
             Ok(Self {
                 id,
                 condition: condition(&parameters),
+                offsets: body.canonical_offsets(&parameters)?,
                 bones: bone_rows(&body.canonical_to_posed(&parameters)?),
                 scan: Surface::new(scan)?,
                 body: Surface::new(body_mesh)?,

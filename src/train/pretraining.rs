@@ -16,6 +16,7 @@ use super::distance_grid::DistanceGrid;
 use super::losses::{CanonicalBatch, WeightTargets};
 use crate::Result;
 use crate::body::{BodyModel, Bone, JOINTS, Part, PartLabels, joint_weights};
+use crate::canonical_grid::{CERTAINLY_OUTSIDE, canonical_box};
 use crate::config::{Config, LossSettings};
 use crate::fields::CONDITION;
 use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
@@ -31,12 +32,10 @@ const VOLUME_SPREAD: f32 = 0.06;
 /// How far below the surface weights are supervised, metres.
 const VOLUME_DEPTH: f32 = 0.12;
 
-/// Room around the canonical body for clothes and hair, metres.
-const MARGIN: f32 = 0.2;
 /// Spread of the far points around the body, metres.
 const FAR_SPREAD: f32 = 0.15;
-/// Distance from the unclothed body from which a point is outside, metres.
-pub(super) const CERTAINLY_OUTSIDE: f32 = 0.08;
+/// Half the edge of the cube around a deep place in which points are drawn, metres.
+const DEEP_SPREAD: f32 = 0.0125;
 /// Depth in the unclothed body from which a point is inside, metres.
 const CERTAINLY_INSIDE: f32 = 0.03;
 
@@ -52,6 +51,8 @@ pub(super) struct CanonicalBody<'a> {
     expressions: Vec<ExpressiveBody>,
     /// Of the body without expression.
     distances: DistanceGrid,
+    /// Places that are inside for certain, evenly spread.
+    deep_places: Vec<Vec3>,
 }
 
 /// The canonical body of one expression.
@@ -75,7 +76,8 @@ impl<'a> CanonicalBody<'a> {
             expressions.push(ExpressiveBody { expression, mesh, solid, sampler });
             expression = std::array::from_fn(|_| random.sample::<f32, _>(StandardNormal));
         }
-        let (low, high) = box_around(&expressions[0].mesh.vertices);
+        let (low, high) = canonical_box(&expressions[0].mesh.vertices);
+        let distances = DistanceGrid::new(&expressions[0].solid, low, high);
         let points_a_bone = config.losses.bone_points;
         Ok(Self {
             weights: body.skinning_weights(),
@@ -87,7 +89,11 @@ impl<'a> CanonicalBody<'a> {
                 .collect(),
             joints,
             hands_and_face: (0..labels.parts.len()).filter(|vertex| labels.parts[*vertex] != Part::Body).collect(),
-            distances: DistanceGrid::new(&expressions[0].solid, low, high),
+            deep_places: match distances.nodes_below(-CERTAINLY_INSIDE) {
+                deep if deep.is_empty() => joints.to_vec(),
+                deep => deep,
+            },
+            distances,
             expressions,
         })
     }
@@ -139,7 +145,8 @@ impl<'a> CanonicalBody<'a> {
         (0..count).map(|_| point()).collect()
     }
 
-    /// Adds points of the canonical box that are outside whatever is worn, or inside for certain; half of `count` around the body.
+    /// Adds points of the canonical box that are outside whatever is worn, or inside for certain: of `count` draws a quarter
+    /// anywhere, a quarter around the body and half deep in it.
     pub fn far(
         &self,
         count: usize,
@@ -149,9 +156,13 @@ impl<'a> CanonicalBody<'a> {
     ) {
         let body = &self.expressions[0];
         let (low, high) = self.bounds();
-        let mut draw = |index: usize| match index % 2 {
+        let mut draw = |index: usize| match index % 4 {
             0 => low + (high - low) * Vec3::from_array(random.random()),
-            _ => body.mesh.position_at(&body.sampler.sample(random)) + FAR_SPREAD * normal_vector(random),
+            1 => body.mesh.position_at(&body.sampler.sample(random)) + FAR_SPREAD * normal_vector(random),
+            _ => {
+                let deep = self.deep_places[random.random_range(0..self.deep_places.len())];
+                deep + DEEP_SPREAD * Vec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)))
+            }
         };
         let points: Vec<Vec3> = (0..count).map(&mut draw).collect();
         for point in points {
@@ -218,7 +229,7 @@ impl<'a> CanonicalBody<'a> {
 
     /// The canonical box: the body and room around it.
     pub fn bounds(&self) -> (Vec3, Vec3) {
-        box_around(&self.expressions[0].mesh.vertices)
+        canonical_box(&self.expressions[0].mesh.vertices)
     }
 
     /// Signed distance of a canonical point to the body, metres.
@@ -230,11 +241,6 @@ impl<'a> CanonicalBody<'a> {
     pub fn joints(&self) -> &[Vec3; JOINTS] {
         &self.joints
     }
-}
-
-fn box_around(vertices: &[Vec3]) -> (Vec3, Vec3) {
-    let corner = |fold: fn(Vec3, Vec3) -> Vec3| vertices.iter().copied().reduce(fold).unwrap_or_default();
-    (corner(Vec3::min) - MARGIN, corner(Vec3::max) + MARGIN)
 }
 
 fn normal_vector(random: &mut ChaCha8Rng) -> Vec3 {

@@ -34,11 +34,15 @@ struct OnSurface {
     off: Vec3,
 }
 
-/// Draws a frame's points.
+/// Widens the bound on a distance past its rounding.
+const REACH_SLACK: f32 = 1.001;
+
+/// Draws a frame's points; signed distances are true up to `truncation`, metres.
 pub(super) fn draw(
     frame: &PreparedFrame,
     settings: &SamplingSettings,
     representation: Representation,
+    truncation: f32,
     random: &mut ChaCha8Rng,
 ) -> PosedSamples {
     let mut drawn = Vec::new();
@@ -62,11 +66,15 @@ pub(super) fn draw(
         .map(|_| Vec3::from_array(std::array::from_fn(|_| random.random_range(-settings.extent..settings.extent))))
         .collect();
 
-    let target = |source: Source, point: Vec3| {
+    // A distance beyond the truncation is as good as the truncation; `reach` is how far the surface is at most.
+    let target = |source: Source, point: Vec3, reach: f32| {
         let solid = &frame.surface(source).solid;
+        let is_inside = || solid.is_inside(point);
         match representation {
-            Representation::Occupancy => f32::from(solid.is_inside(point)),
-            Representation::SignedDistance => solid.signed_distance(point).0,
+            Representation::Occupancy => f32::from(is_inside()),
+            Representation::SignedDistance => solid
+                .signed_distance_within(point, REACH_SLACK * reach.min(truncation))
+                .unwrap_or_else(|| if is_inside() { -truncation } else { truncation }),
         }
     };
     let looked_up: Vec<_> = drawn
@@ -79,12 +87,13 @@ pub(super) fn draw(
                 Source::Registration => frame.scan.solid.surface().closest(position).surface_point(),
             };
             let colour = frame.scan.mesh.colour_at(&on_scan).unwrap_or(Vec3::splat(0.5));
-            (position, mesh.normal_at(&sample.place), colour, target(sample.source, sample.off))
+            let reach = position.distance(sample.off);
+            (position, mesh.normal_at(&sample.place), colour, target(sample.source, sample.off, reach))
         })
         .collect();
     let far: Vec<_> = uniform
         .par_iter()
-        .map(|point| (target(Source::Scan, *point), part_label(frame.registration.nearest(*point).0)))
+        .map(|point| (target(Source::Scan, *point, truncation), part_label(frame.registration.nearest(*point).0)))
         .collect();
 
     let mut samples = PosedSamples::default();

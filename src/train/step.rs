@@ -13,14 +13,15 @@ use xavatar_deformer::{Candidates, SearchStatistics};
 use xavatar_network::Representation;
 
 use super::losses::CanonicalBatch;
-use super::pretraining::{CERTAINLY_OUTSIDE, CanonicalBody};
+use super::pretraining::CanonicalBody;
 use super::prepared::PreparedFrame;
 use super::sampling::{self, PosedSamples};
 use super::trainer::Trainer;
 use super::{Stage, StepRecord};
 use crate::config::{Assignment, Config, SearchedField};
-use crate::correspondence::{PosedField, bake};
-use crate::fields::CONDITION;
+use crate::canonical_grid::CERTAINLY_OUTSIDE;
+use crate::correspondence::{PosedField, PosedWarp, bake};
+use crate::fields::{CONDITION, Skinning};
 use crate::{Error, Result};
 
 /// Vertices of hands and face whose weights are supervised at each step.
@@ -56,7 +57,7 @@ impl<'a> Order<'a> {
         let Self { place, epoch, frame, config, representation, mut random } = self;
         let dropped = random.random::<f64>() < config.fields.condition_dropout;
         let condition = if dropped { vec![0.0; CONDITION] } else { frame.condition.clone() };
-        let samples = sampling::draw(&frame, &config.sampling, representation, &mut random);
+        let samples = sampling::draw(&frame, &config.sampling, representation, config.losses.truncation as f32, &mut random);
         Drawn { place, epoch, frame, condition, samples, random, seconds: begin.elapsed().as_secs_f64() }
     }
 }
@@ -78,9 +79,11 @@ impl<'a> Trainer<'a> {
         if let SearchedField::Baked { refresh_steps, .. } = self.config.searched_field
             && (self.baked.is_none() || step.is_multiple_of(refresh_steps))
         {
-            let field = &self.state.fields.skinning;
-            self.baked = bake(field, self.config.searched_field, self.subject.bounds)?;
-            self.state.baked_skinning = Some(field.mlp().parameters().to_vec());
+            let skinning = &self.state.fields.skinning;
+            self.baked = bake(skinning, self.config.searched_field, self.subject.bounds)?;
+            if let Skinning::Network(field) = skinning {
+                self.state.baked_skinning = Some(field.mlp().parameters().to_vec());
+            }
         }
         let mut statistics = SearchStatistics::default();
         for slot in 0..count as u64 {
@@ -130,10 +133,24 @@ impl<'a> Trainer<'a> {
         if drawn.epoch < losses.colour_from_epoch {
             losses.colour = 0.0;
         }
-        let batch = self.canonical_batch(drawn, record, statistics)?;
+        let frame = drawn.frame.clone();
+        let begin = Instant::now();
+        let offsets = self.grid.as_ref().map(|grid| grid.node_offsets(&frame.offsets));
+        let in_frame = |error: Error| error.in_frame(frame.id.to_string());
+        let skinning = &self.state.fields.skinning;
+        let warp = PosedWarp::new(skinning, self.baked.as_ref(), &frame.bones, offsets.as_deref()).map_err(in_frame)?;
+        add_time(record, "warp", begin);
+        let batch = self.canonical_batch(drawn, &warp, record, statistics)?;
         let begin = Instant::now();
         let terms = self.losses.accumulate(&self.state.fields, &batch, &losses, share)?;
         add_time(record, "losses", begin);
+        if let (Skinning::Voxels(field), PosedWarp::Voxels(warp)) = (skinning, &warp) {
+            let begin = Instant::now();
+            let cotangents = self.losses.root_cotangents(batch.off_points.len());
+            let gradient = &mut self.voxel_gradient;
+            field.root_backward(warp, offsets.as_deref(), &batch.off_points, &cotangents, gradient)?;
+            add_time(record, "skinning", begin);
+        }
         for (name, value) in terms {
             *record.losses.entry(name).or_default() += share * value;
         }
@@ -144,6 +161,7 @@ impl<'a> Trainer<'a> {
     fn canonical_batch(
         &self,
         drawn: Drawn,
+        warp: &PosedWarp,
         record: &mut StepRecord,
         statistics: &mut SearchStatistics,
     ) -> Result<CanonicalBatch<f32>> {
@@ -160,7 +178,7 @@ impl<'a> Trainer<'a> {
             embedded: &embedded,
             groups: &self.groups,
             settings: &self.config.search,
-            baked: self.baked.as_ref(),
+            warp,
             bounds: self.subject.bounds,
         };
         let in_frame = |error: Error| error.in_frame(frame.id.to_string());

@@ -10,8 +10,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use glam::Vec3;
-use xavatar_deformer::{BakedWeights, StartGroups};
-use xavatar_network::{Adam, clipping_factor};
+use xavatar_deformer::{BakedWeights, StartGroups, VoxelSkinning};
+use xavatar_network::{Adam, NetworkUpdate, ParameterGroup, SummedGradient};
 
 use super::checkpoint::{Progress, State, checkpoints};
 use super::frame_store::FrameStore;
@@ -22,10 +22,11 @@ use super::{Event, Observer, Stage, StepRecord};
 use crate::atomic_file::write_atomically;
 use crate::avatar::{Avatar, Subject};
 use crate::body::{BodyModel, PartLabels};
-use crate::config::Config;
-use crate::correspondence::{bake, start_groups};
+use crate::canonical_grid::CanonicalGrid;
+use crate::config::{Config, SkinningSettings};
+use crate::correspondence::{bake, start_groups, union_start_groups};
 use crate::data::FrameSource;
-use crate::fields::{Fields, skeleton_parents};
+use crate::fields::{Fields, Skinning};
 use crate::render::{Camera, FRONT, Tile, View, contact_sheet, render_mesh, write_png};
 use crate::{Error, Result};
 
@@ -63,6 +64,10 @@ pub struct Trainer<'a> {
     pub(super) drawn: Option<Drawn<'a>>,
     /// The grid that the search runs on; sampled every few steps.
     pub(super) baked: Option<BakedWeights<f32>>,
+    /// Where skinning is learned on a grid: that grid.
+    pub(super) grid: Option<CanonicalGrid>,
+    /// The gradient of its logits (P); empty without one.
+    pub(super) voxel_gradient: Vec<f32>,
     pub(super) state: State,
     pub(super) losses: LossEvaluator<f32>,
     metrics: fs::File,
@@ -136,9 +141,28 @@ impl<'a> Trainer<'a> {
     ) -> Result<Self> {
         let started = Instant::now();
         let canonical = CanonicalBody::new(body, labels, &frames.betas(), config)?;
-        let mut fields = Fields::new(&config.fields, &skeleton_parents(), canonical.bounds())?;
+        let groups = match config.fields.skinning {
+            SkinningSettings::Network(_) => start_groups(config.starts)?,
+            // Pruned starts cost little: a point beside a hand finds the hand's root, and the body's.
+            SkinningSettings::Voxels(_) => union_start_groups(config.starts)?,
+        };
+        let (skinning, grid) = match &config.fields.skinning {
+            SkinningSettings::Network(shape) => (Skinning::network(shape)?, None),
+            SkinningSettings::Voxels(shape) => {
+                let grid = CanonicalGrid::new(body, labels, &frames.betas(), *shape)?;
+                let mut voxels = grid.skinning(body)?;
+                grid.prune_starts(&mut voxels, &groups)?;
+                (Skinning::Voxels(voxels), Some(grid))
+            }
+        };
+        let mut fields = Fields::new(&config.fields, skinning, canonical.bounds())?;
         fields.initialise(config.seed);
-        let adam = fields.networks().map(|network| Adam::new(network.parameters().len()));
+        let voxel_gradient = fields.skinning.voxels().map_or(Vec::new(), VoxelSkinning::zero_gradient);
+        let mut adam: Vec<_> =
+            fields.networks().iter().map(|network| Adam::new(network.parameters().len())).collect();
+        if !voxel_gradient.is_empty() {
+            adam.push(Adam::new(voxel_gradient.len()));
+        }
         let progress = Progress { running_loss: f64::INFINITY, best_loss: f64::INFINITY, ..Progress::default() };
         let mut state = State { fields, adam, progress, baked_skinning: None };
         if let Some(newest) = checkpoints(run)?.first() {
@@ -148,9 +172,11 @@ impl<'a> Trainer<'a> {
         let bounds = canonical.bounds();
         let mut baked = None;
         if let Some(parameters) = &state.baked_skinning {
-            let mut field = state.fields.skinning.clone();
-            field.mlp_mut().update(|target| target.copy_from_slice(parameters));
-            baked = bake(&field, config.searched_field, bounds)?;
+            let mut skinning = state.fields.skinning.clone();
+            if let Skinning::Network(field) = &mut skinning {
+                field.mlp_mut().update(|target| target.copy_from_slice(parameters));
+            }
+            baked = bake(&skinning, config.searched_field, bounds)?;
         }
         let store = FrameStore::open(config, frames, body, labels, run, observer)?;
         let subject = Subject {
@@ -164,7 +190,9 @@ impl<'a> Trainer<'a> {
             losses: LossEvaluator::new(&state.fields, rayon::current_num_threads()),
             metrics: continue_metrics(&run.join(METRICS), &state.progress)?,
             earlier_seconds: state.progress.seconds,
-            groups: start_groups(config.starts)?,
+            groups,
+            grid,
+            voxel_gradient,
             baked,
             drawn: None,
             frames: store,
@@ -256,9 +284,9 @@ impl<'a> Trainer<'a> {
             Stage::Pretraining => self.state.progress.pretraining_steps,
             Stage::Frames => self.state.progress.steps,
         };
-        let learning_rate = match stage {
-            Stage::Pretraining => settings.learning_rate,
-            Stage::Frames => settings.learning_rate * settings.final_share.powf(self.share_done().min(1.0)),
+        let decay = match stage {
+            Stage::Pretraining => 1.0,
+            Stage::Frames => settings.final_share.powf(self.share_done().min(1.0)),
         };
         let mut record = StepRecord {
             stage,
@@ -272,7 +300,7 @@ impl<'a> Trainer<'a> {
             seconds: 0.0,
             split: BTreeMap::new(),
             points: 0,
-            learning_rate,
+            learning_rate: decay * settings.learning_rate,
             gradient_norm: 0.0,
             losses: LossTerms::new(),
             converged: 0.0,
@@ -284,7 +312,7 @@ impl<'a> Trainer<'a> {
             Stage::Frames => self.frames_step(step, &mut record)?,
         }
         let updating = Instant::now();
-        self.update(learning_rate, &mut record)?;
+        self.update(decay, &mut record)?;
         add_time(&mut record, "optimiser", updating);
         let progress = &mut self.state.progress;
         match stage {
@@ -302,13 +330,19 @@ impl<'a> Trainer<'a> {
         Ok(record)
     }
 
-    /// Clips the gradients and moves the parameters.
-    fn update(&mut self, learning_rate: f64, record: &mut StepRecord) -> Result<()> {
+    /// Clips the gradients and moves the parameters, at `decay` times the first step's learning rates.
+    fn update(&mut self, decay: f64, record: &mut StepRecord) -> Result<()> {
         let settings = &self.config.optimiser;
-        let gradients = self.losses.take_gradients(&self.state.fields);
-        let all = [gradients[0].as_slice(), &gradients[1], &gradients[2]];
-        let squares = all.iter().flat_map(|gradient| gradient.iter()).map(|g| f64::from(*g) * f64::from(*g));
-        record.gradient_norm = squares.sum::<f64>().sqrt();
+        let State { fields, adam, .. } = &mut self.state;
+        let voxel_gradient = &mut self.voxel_gradient;
+        if let Some(voxels) = fields.skinning.voxels() {
+            let pull = voxels.pull_to_initial(self.config.losses.volume as f32, voxel_gradient)?;
+            record.losses.insert("volume", f64::from(pull));
+        }
+        let gradients = self.losses.sum_gradients(fields);
+        let of_voxels = voxel_gradient.iter().map(|g| f64::from(*g) * f64::from(*g)).sum::<f64>();
+        let squares = gradients.iter().map(SummedGradient::squared_norm).sum::<f64>() + of_voxels;
+        record.gradient_norm = squares.sqrt();
         let not_finite = |what: &str| Error::NonFinite {
             what: what.into(),
             step: record.step,
@@ -320,10 +354,20 @@ impl<'a> Trainer<'a> {
         if !record.gradient_norm.is_finite() {
             return Err(not_finite("the gradient"));
         }
-        let factor = clipping_factor(&all, settings.clip);
-        let State { fields, adam, .. } = &mut self.state;
-        for ((network, adam), gradient) in fields.networks_mut().into_iter().zip(adam).zip(&gradients) {
-            network.update(|parameters| adam.step(settings.adam, learning_rate, factor, gradient, parameters));
+        let factor = (settings.clip / record.gradient_norm).min(1.0);
+        let group = |rate: f64| ParameterGroup { settings: settings.adam, rate: decay * rate };
+        let update = NetworkUpdate {
+            network: group(settings.learning_rate),
+            grid: group(settings.grid_learning_rate),
+            factor,
+        };
+        for ((network, adam), gradient) in fields.networks_mut().into_iter().zip(adam.iter_mut()).zip(gradients) {
+            adam.step_network(&update, gradient, network);
+        }
+        if let (Some(voxels), Some(adam)) = (fields.skinning.voxels_mut(), adam.last_mut()) {
+            let rate = decay * settings.voxel_learning_rate;
+            voxels.update(|logits| adam.step(settings.adam, rate, factor, voxel_gradient, logits));
+            voxel_gradient.fill(0.0);
         }
         Ok(())
     }
