@@ -6,6 +6,9 @@ use super::cells::{LANES, Lanes, LevelCells};
 use crate::Real;
 use crate::activation::vectorised;
 
+/// Groups between a visit and the prefetch of its entries.
+const AHEAD: usize = 1;
+
 /// result = sum_k weight_k table_k, F of every `stride` entries.
 pub(super) fn interpolate<T: Real, const F: usize>(
     table: &[T],
@@ -20,6 +23,7 @@ pub(super) fn interpolate<T: Real, const F: usize>(
         || {
             let groups = cells.corners.iter().zip(cells.places).zip(result.chunks_mut(LANES * stride));
             for (group, ((corners, places), result)) in groups.enumerate() {
+                prefetch(entries, cells.corners, group + AHEAD);
                 let weights = weights(group, places);
                 for (lane, result) in result.chunks_mut(stride).enumerate() {
                     let mut sum = [T::zero(); F];
@@ -50,6 +54,7 @@ pub(super) fn scatter<T: Real, const F: usize>(
         || {
             let groups = cells.corners.iter().zip(cells.places).zip(cotangents.chunks(LANES * stride));
             for (group, ((corners, places), cotangents)) in groups.enumerate() {
+                prefetch(entries, cells.corners, group + AHEAD);
                 let weights = weights(group, places);
                 for (lane, cotangent) in cotangents.chunks(stride).enumerate() {
                     let cotangent: [T; F] = std::array::from_fn(|feature| cotangent[feature]);
@@ -80,6 +85,7 @@ pub(super) fn contract<T: Real, const F: usize>(
         || {
             let groups = cells.corners.iter().zip(cells.places).zip(cotangents.chunks(LANES * stride)).zip(sums);
             for (group, (((corners, places), cotangents), sums)) in groups.enumerate() {
+                prefetch(entries, cells.corners, group + AHEAD);
                 let mut products = [[T::zero(); LANES]; 8];
                 for (lane, cotangent) in cotangents.chunks(stride).enumerate() {
                     let cotangent: [T; F] = std::array::from_fn(|feature| cotangent[feature]);
@@ -106,4 +112,20 @@ pub(super) fn contract<T: Real, const F: usize>(
             }
         },
     );
+}
+
+/// Asks for the entries of a group that will be visited soon: the processor does not look ahead far enough by itself.
+#[inline(always)]
+fn prefetch<E>(entries: &[E], groups: &[[Lanes<u32>; 8]], group: usize) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(corners) = groups.get(group) {
+        // Neighbours along x mostly share a cache line.
+        for corner in [0, 2, 4, 6] {
+            for entry in corners[corner] {
+                let address = entries.as_ptr().wrapping_add(entry as usize);
+                // SAFETY: a hint, which reads nothing and cannot fault whatever the address.
+                unsafe { std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(address.cast()) };
+            }
+        }
+    }
 }
