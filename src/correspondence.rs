@@ -6,7 +6,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 use xavatar_deformer::{
-    BakedWeights, BoneTransform, Candidates, ExactWarp, SearchSettings, StartGroups, bone_transform, search,
+    BakedWarp, BakedWeights, BoneTransform, Candidates, ExactWarp, SearchSettings, StartGroups, bone_transform, search,
     search_and_polish,
 };
 use xavatar_network::{SkinningField, Trace};
@@ -83,8 +83,8 @@ pub struct PosedField<'a> {
     pub groups: &'a StartGroups,
     /// When starts are given up.
     pub settings: &'a SearchSettings,
-    /// The skinning field on a grid, to search on before the field itself polishes the roots.
-    pub baked: Option<&'a BakedWeights<f32>>,
+    /// The frame's warp on a grid, to search on before the field itself polishes the roots.
+    pub baked: Option<&'a BakedWarp<'a, f32>>,
     /// The canonical box; what is outside it is no part of the body.
     pub bounds: (Vec3, Vec3),
 }
@@ -129,10 +129,7 @@ impl PosedField<'_> {
         let warp = ExactWarp::new(&self.fields.skinning, self.bones)?;
         Ok(match self.baked {
             None => search(&warp, self.groups, points, Some(labels), self.settings)?,
-            Some(baked) => {
-                let fast = baked.warp(self.bones)?;
-                search_and_polish(&fast, &warp, self.groups, points, Some(labels), self.settings)?
-            }
+            Some(baked) => search_and_polish(baked, &warp, self.groups, points, Some(labels), self.settings)?,
         })
     }
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use xavatar::avatar::Avatar;
+use xavatar::avatar::{Animator, Avatar};
 use xavatar::evaluate::{Evaluation, SmplxD};
 
 use super::inputs::{SubjectArguments, SubjectFrames};
@@ -74,11 +74,12 @@ impl Eval {
             samples: Evaluation::SAMPLES,
             seed: 0,
         };
+        let animator = Animator::new(&avatar, &opened.body, &opened.labels)?;
         let mut progress = Progress::new();
         let (mut done, total) = (0, files.len());
         let report = evaluation.run(
             frames.iter(),
-            |frame| Ok(avatar.extract_posed(&opened.body, &opened.labels, &frame.parameters, self.resolution)?.mesh),
+            |frame| Ok(animator.extract(&frame.parameters, self.resolution)?.mesh),
             |frame| {
                 done += 1;
                 let distance = frame.metrics.all.map_or_else(String::new, |all| format!("  CD {:.2} mm", all.cd_mm));

@@ -98,13 +98,14 @@ impl Trainer<'_> {
         add_time(record, "sampling", begin);
         let begin = Instant::now();
         let embedded = fields.geometry.mlp.embed(&condition);
+        let baked = self.baked.as_ref().map(|baked| baked.warp(&frame.bones)).transpose()?;
         let posed = PosedField {
             fields,
             bones: &frame.bones,
             embedded: &embedded,
             groups: &self.groups,
             settings: &self.config.search,
-            baked: self.baked.as_ref(),
+            baked: baked.as_ref(),
             bounds: self.subject.bounds,
         };
         let in_frame = |error: Error| error.in_frame(frame.id.to_string());
