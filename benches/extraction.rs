@@ -34,7 +34,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             println!("{resolution:>10} {what:>34} {seconds:>10.4} {vertices:>10}");
         };
         let began = Instant::now();
-        let canonical = avatar.extract_canonical(&BodyModel::canonical_parameters(&avatar.subject.betas), resolution)?;
+        let canonical =
+            avatar.extract_canonical(&BodyModel::canonical_parameters(&avatar.subject.betas), resolution)?;
         show("canonical", began, 1, canonical.mesh.vertices.len());
 
         let began = Instant::now();

@@ -7,8 +7,8 @@
 
 use glam::Vec3;
 use rayon::prelude::*;
-use xavatar_deformer::{Jacobian, blend_transforms, deform, deformed_normals, skinning_jacobians};
 use xavatar_deformer::{BoneTransform, GradientSide};
+use xavatar_deformer::{Jacobian, blend_transforms, deform, deformed_normals, skinning_jacobians};
 use xavatar_network::SkinningWeights;
 
 use super::{Avatar, BLOCK_ROWS, arrays};

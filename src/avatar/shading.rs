@@ -69,12 +69,7 @@ struct Shader {
 
 impl Shader {
     /// Finds canonical points and the warp's Jacobians there.
-    fn place(
-        &mut self,
-        warp: Option<&ExactWarp<f32, SkinningField<f32>>>,
-        guesses: &[[f32; 3]],
-        targets: &[Vec3],
-    ) {
+    fn place(&mut self, warp: Option<&ExactWarp<f32, SkinningField<f32>>>, guesses: &[[f32; 3]], targets: &[Vec3]) {
         self.canonical.clear();
         self.canonical.extend_from_slice(guesses);
         self.jacobians.clear();

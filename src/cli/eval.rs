@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::evaluate::{Evaluation, SmplxD};
 
-use super::inputs::{SubjectArguments, SubjectFrames};
+use super::inputs::{Split, SubjectArguments, SubjectFrames};
 use super::progress::Progress;
 use super::{Outcome, outputs};
 
@@ -35,12 +35,6 @@ pub struct Eval {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Split {
-    Train,
-    Test,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
 enum Baseline {
     /// The registered body with the mean offset of each vertex
     #[value(name = "smplx+d")]
@@ -55,10 +49,7 @@ impl Eval {
         let avatar = Avatar::load(&self.avatar)?;
         let opened = self.subject.open()?;
         let subject = &opened.subject;
-        let files = match self.split {
-            Split::Train => &subject.train,
-            Split::Test => &subject.test,
-        };
+        let files = self.split.files(subject);
         let frames = SubjectFrames::new(subject, files);
         let baseline = match self.baseline {
             Some(Baseline::SmplxD) => {

@@ -30,7 +30,7 @@ use crate::render::{Camera, FRONT, Tile, View, contact_sheet, render_mesh, write
 use crate::{Error, Result};
 
 const CONFIG: &str = "config.toml";
-const METRICS: &str = "metrics.jsonl";
+pub(super) const METRICS: &str = "metrics.jsonl";
 const PREVIEWS: &str = "previews";
 /// Weight of the past in the running mean of the loss.
 const LOSS_MEMORY: f64 = 0.98;

@@ -17,7 +17,8 @@ fn grid(half: f32, resolution: usize) -> ExtractionGrid {
 }
 
 fn extract_distance(distance: impl Fn(Vec3) -> f32 + Sync, grid: ExtractionGrid) -> Result<TriangleMesh> {
-    extract(&|points, values| points.iter().zip(values).for_each(|(&p, v)| *v = distance(p)), grid).map(|found| found.mesh)
+    extract(&|points, values| points.iter().zip(values).for_each(|(&p, v)| *v = distance(p)), grid)
+        .map(|found| found.mesh)
 }
 
 fn torus(p: Vec3) -> f32 {
