@@ -301,7 +301,7 @@ fn interrupted_ablations_go_on_and_end_in_one_table() {
 
     let again = assert_outcome(&ablate, 0, &["A4 no weight losses: trained already"]);
     assert!(!again.contains(": training"), "{again}");
-    assert_eq!(std::fs::read(out.join("ablations.json")).unwrap(), json, "nothing is trained or measured twice");
+    assert!(std::fs::read(out.join("ablations.json")).unwrap() == json, "nothing is trained or measured twice");
 }
 
 #[test]

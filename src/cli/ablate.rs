@@ -165,7 +165,8 @@ impl Ablate {
         };
         let measured = Measured { split: self.split, resolution: self.resolution, row };
         outputs::write_json(&run.join(Self::MEASURED), &measured)?;
-        Ok(Some(measured.row))
+        // As later calls read it: a number may lose its last bit on the way.
+        Ok(Some(self.measured_before(&run).unwrap_or(measured.row)))
     }
 
     /// The row of an earlier call, if it was measured on the same.
