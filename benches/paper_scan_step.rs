@@ -94,7 +94,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut trainer = Trainer::start(&config, &source, subject.model(), labels, folder.path(), &mut timings)?;
     trainer.run(&AtomicBool::new(false), &mut timings)?;
 
-    let fields = Fields::<f32>::new(&config.fields, &skeleton_parents())?;
+    let fields = Fields::<f32>::new(&config.fields, &skeleton_parents(), (glam::Vec3::NEG_ONE, glam::Vec3::ONE))?;
     let [geometry, texture, skinning] = fields.networks().map(|network| network.parameters().len() as f64);
     let on = (config.sampling.points as f64 * 11.0 / 12.0).round();
     let off = timings.points as f64 - on;

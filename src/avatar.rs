@@ -126,7 +126,7 @@ impl Avatar {
         if subject.joints.len() != JOINTS || !(low.is_finite() && high.is_finite() && low.cmplt(high).all()) {
             return Err(malformed("subject", format!("{} joints in {low} to {high}", subject.joints.len())));
         }
-        let mut fields = Fields::new(&config.fields, &skeleton_parents())?;
+        let mut fields = Fields::new(&config.fields, &skeleton_parents(), subject.bounds)?;
         load_parameters(&file, &mut fields)?;
         Ok(Self { fields, config, subject, steps: file.parsed(&path, "steps")? })
     }

@@ -6,7 +6,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 use xavatar_deformer::{
-    BakedWeights, BoneTransform, Candidates, ExactWarp, SearchSettings, StartGroups, bone_transform, search,
+    BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, bone_transform, search,
     search_and_polish,
 };
 use xavatar_network::{SkinningField, Trace};
@@ -101,7 +101,8 @@ pub fn bake(
     match searched {
         SearchedField::Exact => Ok(None),
         SearchedField::Baked { nodes, .. } => {
-            Ok(Some(BakedWeights::sample(field, bounds.0.to_array(), bounds.1.to_array(), nodes)?))
+            let grid = Grid::regular(bounds.0.to_array(), bounds.1.to_array(), nodes)?;
+            Ok(Some(BakedWeights::sample(field, grid)?))
         }
     }
 }
@@ -130,7 +131,7 @@ impl PosedField<'_> {
         Ok(match self.baked {
             None => search(&warp, self.groups, points, Some(labels), self.settings)?,
             Some(baked) => {
-                let fast = baked.warp(self.bones)?;
+                let fast = baked.warp(self.bones, None)?;
                 search_and_polish(&fast, &warp, self.groups, points, Some(labels), self.settings)?
             }
         })

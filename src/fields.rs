@@ -1,10 +1,11 @@
 //! The three fields of an avatar together, their parameters and gradients.
 
+use glam::Vec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use xavatar_deformer::GradientSide;
 use xavatar_network::{
-    GeometryField, KinematicTree, Mlp, MlpGradient, Real, Representation, SkinningField, TextureField,
+    Bounds, GeometryField, KinematicTree, Mlp, MlpGradient, Real, Representation, SkinningField, TextureField,
 };
 
 use crate::Result;
@@ -43,13 +44,15 @@ pub type PerField<V> = [V; 3];
 pub const FIELD_NAMES: PerField<&str> = ["geometry", "texture", "skinning"];
 
 impl<T: Real> Fields<T> {
-    /// Fields of the given extents over a kinematic tree, all parameters zero.
+    /// Fields of the given extents over a kinematic tree, all parameters zero; grids fill `bounds`, the canonical box.
     ///
     /// # Errors
     /// If an extent is out of range.
-    pub fn new(settings: &FieldSettings, parents: &[Option<usize>]) -> Result<Self> {
-        let geometry = GeometryField::new(&settings.geometry, CONDITION, settings.representation)?;
-        let texture = TextureField::new(&settings.texture, settings.geometry.embedded, settings.geometry.width)?;
+    pub fn new(settings: &FieldSettings, parents: &[Option<usize>], bounds: (Vec3, Vec3)) -> Result<Self> {
+        let bounds = Bounds { lowest: bounds.0.to_array(), highest: bounds.1.to_array() };
+        let geometry = GeometryField::new(&settings.geometry, CONDITION, settings.representation, bounds)?;
+        let texture =
+            TextureField::new(&settings.texture, settings.geometry.embedded, settings.geometry.width, bounds)?;
         let shape = &settings.skinning;
         let tree = KinematicTree::new(parents)?;
         let skinning = SkinningField::new(tree, shape.depth, shape.width, shape.frequencies, shape.blend.into())?;

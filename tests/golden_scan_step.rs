@@ -36,12 +36,13 @@ fn losses_and_gradients_match() {
     let golden = Golden(candle_core::safetensors::load(path, &Device::Cpu).unwrap());
     let settings = FieldSettings {
         representation: Representation::Occupancy,
-        geometry: GeometryShape { depth: 8, width: 48, frequencies: 4, skip: 4, embedded: 16 },
-        texture: TextureShape { depth: 8, width: 72, frequencies: 4, skip: 4 },
+        geometry: GeometryShape { depth: 8, width: 48, frequencies: 4, skip: Some(4), embedded: 16, grid: None },
+        texture: TextureShape { depth: 8, width: 72, frequencies: 4, skip: Some(4), grid: None, normal: true },
         skinning: SkinningShape { depth: 4, width: 64, frequencies: 0, blend: 20 },
         condition_dropout: 0.0,
     };
-    let mut fields = Fields::<f64>::new(&settings, &skeleton_parents()).unwrap();
+    let mut fields =
+        Fields::<f64>::new(&settings, &skeleton_parents(), (glam::Vec3::NEG_ONE, glam::Vec3::ONE)).unwrap();
     let prefixes = ["shape", "texture", "skin"];
     for (network, prefix) in fields.networks_mut().into_iter().zip(prefixes) {
         let parameters = golden.parameters(prefix, network);

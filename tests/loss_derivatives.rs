@@ -55,8 +55,8 @@ fn batch(random: &mut ChaCha8Rng) -> CanonicalBatch<f64> {
 fn gradients_match_differences() {
     let settings = FieldSettings {
         representation: Representation::SignedDistance,
-        geometry: GeometryShape { depth: 3, width: 32, frequencies: 2, skip: 2, embedded: 3 },
-        texture: TextureShape { depth: 2, width: 40, frequencies: 1, skip: 1 },
+        geometry: GeometryShape { depth: 3, width: 32, frequencies: 2, skip: Some(2), embedded: 3, grid: None },
+        texture: TextureShape { depth: 2, width: 40, frequencies: 1, skip: Some(1), grid: None, normal: true },
         skinning: SkinningShape { depth: 2, width: 12, frequencies: 1, blend: 5 },
         condition_dropout: 0.0,
     };
@@ -73,7 +73,8 @@ fn gradients_match_differences() {
         ..Config::preset("quick").unwrap().losses
     };
     let mut random = ChaCha8Rng::seed_from_u64(11);
-    let mut fields = Fields::<f64>::new(&settings, &skeleton_parents()).unwrap();
+    let mut fields =
+        Fields::<f64>::new(&settings, &skeleton_parents(), (glam::Vec3::NEG_ONE, glam::Vec3::ONE)).unwrap();
     fields.initialise(11);
     let batch = batch(&mut random);
     let share = 0.5;

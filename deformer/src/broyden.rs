@@ -1,22 +1,17 @@
 //! Broyden's method on many starts at once: x with A(x) x~ = x_d (thesis ch. 4.2.3).
 //!
-//! x <- x - H g with the residual g = A x~ - x_d, then the rank-one update of the inverse Jacobian H (Sherman-Morrison),
-//! damped after Powell (1970) so that its denominator never vanishes. A start without an H begins with the inverse of
-//! the blended 3 x 3, which converges more often than the inverse of the full Jacobian.
-//!
 //! Only unfinished starts are evaluated: a finished one leaves the active set at once and the next waiting one takes
 //! its place, so the field always sees full batches. A start's result does not depend on its companions.
 
 use xavatar_network::Real;
 
-use crate::affine::{apply, dot, inverse, multiply, multiply_transposed, rotation, subtract};
+use crate::affine::{apply, inverse, rotation};
+use crate::broyden_lanes::{LANES, Pack, Status};
+use crate::skinning::vectorised;
 use crate::{BoneTransform, Jacobian, Warp};
 
 /// How many starts are active at once: full matrix products for the field, small enough for the second-level cache.
 const ACTIVE: usize = 256;
-
-/// Powell's bound: the updated inverse Jacobian's denominator is at least this share of |step|^2.
-const DAMPING: f64 = 0.1;
 
 /// When a start is finished.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +31,7 @@ pub(crate) struct Start<T> {
     pub target: [T; 3],
     /// The first x.
     pub point: [T; 3],
-    /// The first H; the inverse of the blended 3 x 3 if absent.
+    /// The first H; the inverse of the blended 3 x 3 if absent, which converges more often than the full Jacobian's.
     pub inverse: Option<Jacobian<T>>,
 }
 
@@ -60,31 +55,27 @@ pub(crate) struct Solution<T> {
     pub outcome: Outcome,
 }
 
-/// The active set of one thread, structure of arrays where the warp reads it.
+/// The active set of one thread.
 #[derive(Debug)]
 pub(crate) struct ActiveSet<T> {
     points: Vec<[T; 3]>,
-    states: Vec<State<T>>,
     transforms: Vec<BoneTransform<T>>,
+    packs: Vec<Pack<T>>,
+    slots: Vec<Slot<T>>,
+}
+
+/// What belongs to a slot and is no part of the iteration.
+#[derive(Clone, Copy, Debug)]
+struct Slot<T> {
+    index: usize,
+    inverse: Option<Jacobian<T>>,
+    fresh: bool,
 }
 
 impl<T> Default for ActiveSet<T> {
     fn default() -> Self {
-        Self { points: Vec::new(), states: Vec::new(), transforms: Vec::new() }
+        Self { points: Vec::new(), transforms: Vec::new(), packs: Vec::new(), slots: Vec::new() }
     }
-}
-
-#[derive(Clone, Copy, Debug)]
-struct State<T> {
-    index: usize,
-    target: [T; 3],
-    /// H, once the first residual is known.
-    inverse: Option<Jacobian<T>>,
-    step: [T; 3],
-    residual: [T; 3],
-    updates: u32,
-    best_point: [T; 3],
-    best_squared: T,
 }
 
 /// Solves every start and hands each solution over with the start's place in the sequence. Returns the evaluations.
@@ -96,120 +87,97 @@ pub(crate) fn solve<T: Real, W: Warp<T>>(
     starts: impl Iterator<Item = Start<T>>,
     mut finish: impl FnMut(usize, Solution<T>),
 ) -> usize {
-    let ActiveSet { points, states, transforms } = active;
-    points.clear();
-    states.clear();
-    transforms.resize(ACTIVE, [T::zero(); 12]);
     let mut waiting = starts.enumerate();
     let mut evaluations = 0;
-    loop {
-        for (index, start) in waiting.by_ref().take(ACTIVE - points.len()) {
-            points.push(start.point);
-            states.push(State::new(index, &start));
-        }
-        if points.is_empty() {
-            return evaluations;
-        }
-        let transforms = &mut transforms[..points.len()];
-        warp.transforms(workspace, points, transforms);
-        evaluations += points.len();
-        let mut kept = 0;
-        for (slot, transform) in transforms.iter().enumerate() {
-            let (mut point, mut state) = (points[slot], states[slot]);
-            match state.advance(&mut point, transform, limits) {
-                Some(outcome) => finish(state.index, state.solution(outcome)),
-                None => {
-                    points[kept] = point;
-                    states[kept] = state;
-                    kept += 1;
+    active.clear();
+    for (index, start) in waiting.by_ref().take(ACTIVE) {
+        active.push(index, &start);
+    }
+    while !active.points.is_empty() {
+        warp.transforms(workspace, &active.points, &mut active.transforms[..active.points.len()]);
+        evaluations += active.points.len();
+        active.advance(limits);
+        let mut slot = 0;
+        while slot < active.points.len() {
+            let pack = &active.packs[slot / LANES];
+            let outcome = match pack.status(slot % LANES) {
+                Status::Unfinished => {
+                    active.points[slot] = pack.point(slot % LANES);
+                    slot += 1;
+                    continue;
                 }
+                Status::Converged => Outcome::Converged,
+                Status::Diverged => Outcome::Diverged,
+                Status::Exhausted => Outcome::Exhausted,
+            };
+            let (point, squared) = pack.best(slot % LANES);
+            finish(active.slots[slot].index, Solution { point, residual: squared.sqrt(), outcome });
+            match waiting.next() {
+                Some((index, start)) => {
+                    active.place(slot, index, &start);
+                    slot += 1;
+                }
+                None => active.remove(slot),
             }
         }
-        points.truncate(kept);
-        states.truncate(kept);
     }
+    evaluations
 }
 
-impl<T: Real> State<T> {
-    fn new(index: usize, start: &Start<T>) -> Self {
-        let zero = [T::zero(); 3];
-        Self {
-            index,
-            target: start.target,
-            inverse: start.inverse,
-            step: zero,
-            residual: zero,
-            updates: 0,
-            best_point: start.point,
-            best_squared: T::infinity(),
+impl<T: Real> ActiveSet<T> {
+    fn clear(&mut self) {
+        self.points.clear();
+        self.slots.clear();
+        self.transforms.resize(ACTIVE, [T::zero(); 12]);
+        self.packs.resize(ACTIVE.div_ceil(LANES), Pack::default());
+    }
+
+    fn push(&mut self, index: usize, start: &Start<T>) {
+        let slot = self.points.len();
+        self.points.push(start.point);
+        self.slots.push(Slot { index, inverse: start.inverse, fresh: true });
+        self.place(slot, index, start);
+    }
+
+    fn place(&mut self, slot: usize, index: usize, start: &Start<T>) {
+        self.points[slot] = start.point;
+        self.slots[slot] = Slot { index, inverse: start.inverse, fresh: true };
+        self.packs[slot / LANES].begin(slot % LANES, start.point, start.target);
+    }
+
+    /// Moves the last start into a slot.
+    fn remove(&mut self, slot: usize) {
+        let last = self.points.len() - 1;
+        self.points.swap_remove(slot);
+        self.slots.swap_remove(slot);
+        if slot < last {
+            let moved = self.packs[last / LANES].clone();
+            self.packs[slot / LANES].copy_lane(slot % LANES, &moved, last % LANES);
         }
     }
 
-    /// Takes the blended transform at `point`; moves the point on, or says why the search has ended.
-    #[inline(always)]
-    fn advance(&mut self, point: &mut [T; 3], transform: &BoneTransform<T>, limits: &Limits<T>) -> Option<Outcome> {
-        let residual = subtract(apply(transform, *point), self.target);
-        let squared = dot(residual, residual);
-        if squared < self.best_squared {
-            self.best_squared = squared;
-            self.best_point = *point;
-        }
-        if squared < limits.tolerance * limits.tolerance {
-            return Some(Outcome::Converged);
-        }
-        let left = self.updates > 0 && squared > limits.divergence * limits.divergence;
-        if left || !squared.is_finite() {
-            return Some(Outcome::Diverged);
-        }
-        let inverse = match self.inverse {
-            Some(inverse) if self.updates > 0 => {
-                updated_inverse(&inverse, self.step, subtract(residual, self.residual))
-            }
-            given => match given.or_else(|| inverse(&rotation(transform))) {
-                Some(inverse) => inverse,
-                None => return Some(Outcome::Diverged),
+    /// One iteration of every start, given the blended transforms at their points.
+    fn advance(&mut self, limits: &Limits<T>) {
+        let Self { points, transforms, packs, slots } = self;
+        let packed = packs.iter_mut().zip(points.chunks(LANES)).zip(transforms.chunks(LANES));
+        vectorised(
+            #[inline(always)]
+            || {
+                for (((pack, points), transforms), slots) in packed.zip(slots.chunks_mut(LANES)) {
+                    let mut images = [[T::zero(); LANES]; 3];
+                    for (lane, ((&point, transform), slot)) in points.iter().zip(transforms).zip(slots).enumerate() {
+                        let [x, y, z] = apply(transform, point);
+                        (images[0][lane], images[1][lane], images[2][lane]) = (x, y, z);
+                        if slot.fresh {
+                            slot.fresh = false;
+                            pack.set_inverse(lane, slot.inverse.or_else(|| inverse(&rotation(transform))));
+                        }
+                    }
+                    pack.advance(&images, limits);
+                }
             },
-        };
-        if self.updates == limits.updates {
-            return Some(Outcome::Exhausted);
-        }
-        let step = multiply(&inverse, residual).map(|value| -value);
-        *point = std::array::from_fn(|axis| point[axis] + step[axis]);
-        self.inverse = Some(inverse);
-        self.step = step;
-        self.residual = residual;
-        self.updates += 1;
-        None
+        );
     }
-
-    #[inline(always)]
-    fn solution(&self, outcome: Outcome) -> Solution<T> {
-        Solution { point: self.best_point, residual: self.best_squared.sqrt(), outcome }
-    }
-}
-
-/// H + (s - H y) s^T H / (s^T H y) for the step s and the change y of the residual, damped.
-#[inline(always)]
-fn updated_inverse<T: Real>(inverse: &Jacobian<T>, step: [T; 3], change: [T; 3]) -> Jacobian<T> {
-    let mut predicted = multiply(inverse, change);
-    let squared = dot(step, step);
-    let mut denominator = dot(step, predicted);
-    let bound = T::of(DAMPING);
-    if denominator.abs() < bound * squared {
-        let ratio = denominator / squared;
-        let share = (T::one() - bound.copysign(ratio)) / (T::one() - ratio);
-        predicted = std::array::from_fn(|axis| share * predicted[axis] + (T::one() - share) * step[axis]);
-        denominator = dot(step, predicted);
-    }
-    let scale = T::one() / denominator;
-    if !scale.is_finite() {
-        return *inverse;
-    }
-    let row = multiply_transposed(inverse, step);
-    std::array::from_fn(|r| {
-        let share = (step[r] - predicted[r]) * scale;
-        std::array::from_fn(|c| inverse[r][c] + share * row[c])
-    })
 }
 
 #[cfg(test)]

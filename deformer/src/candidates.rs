@@ -26,6 +26,10 @@ pub struct Candidates<T> {
 pub struct SearchStatistics {
     /// Starts tried.
     pub starts: usize,
+    /// Starts left out because no root that matters could be near them.
+    pub pruned: usize,
+    /// Roots dropped because they are where nothing matters.
+    pub immaterial: usize,
     /// Starts that converged.
     pub converged: usize,
     /// Starts that left the ball of allowed residuals, or met a singular or non-finite matrix.
@@ -65,6 +69,8 @@ impl SearchStatistics {
     pub fn and(self, other: Self) -> Self {
         Self {
             starts: self.starts + other.starts,
+            pruned: self.pruned + other.pruned,
+            immaterial: self.immaterial + other.immaterial,
             converged: self.converged + other.converged,
             diverged: self.diverged + other.diverged,
             exhausted: self.exhausted + other.exhausted,

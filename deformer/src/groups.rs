@@ -50,6 +50,11 @@ impl StartGroups {
         self.parts.len()
     }
 
+    /// All groups: the parts in the order of their labels, then the full group.
+    pub(crate) fn each(&self) -> impl Iterator<Item = &[usize]> {
+        self.parts.iter().chain([&self.full]).map(Vec::as_slice)
+    }
+
     /// The bones that start the search for a point, in order; `None` for a point without a label.
     ///
     /// # Errors

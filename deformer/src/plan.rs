@@ -23,6 +23,7 @@ pub(crate) struct Plan<'a, T> {
     points: &'a [[T; 3]],
     /// The bones that start the search, per point (N).
     bones: Vec<&'a [usize]>,
+    labels: Option<&'a [u8]>,
     settings: &'a SearchSettings,
 }
 
@@ -32,6 +33,7 @@ pub(crate) struct Thread<T, W, E> {
     searched: W,
     exact: E,
     active: ActiveSet<T>,
+    tried: Vec<Tried<T>>,
     /// One entry per start or root that was solved for; none if it did not converge.
     solved: Vec<Option<Root<T>>>,
     transforms: Vec<BoneTransform<T>>,
@@ -43,20 +45,44 @@ pub(crate) struct Thread<T, W, E> {
     statistics: SearchStatistics,
 }
 
+/// A start that is not left out.
+#[derive(Clone, Copy, Debug)]
+struct Tried<T> {
+    /// The deformed point's place in the list.
+    index: usize,
+    bone: usize,
+    target: [T; 3],
+    point: [T; 3],
+}
+
+/// Whether a box, given by its lowest and highest corner, holds a point.
+#[inline(always)]
+fn holds<T: Real>([low, high]: &[[T; 3]; 2], point: [T; 3]) -> bool {
+    (0..3).all(|axis| low[axis] <= point[axis] && point[axis] <= high[axis])
+}
+
 impl<'a, T: Real> Plan<'a, T> {
-    pub(crate) fn new(
-        bones: &[BoneTransform<T>],
+    pub(crate) fn new<W: Warp<T>>(
+        warp: &W,
         groups: &'a StartGroups,
         points: &'a [[T; 3]],
-        labels: Option<&[u8]>,
+        labels: Option<&'a [u8]>,
         settings: &'a SearchSettings,
     ) -> Result<Self> {
         settings.validate()?;
+        let bones = warp.bones();
         if bones.len() != groups.joints() {
             return Err(Error::Skeleton {
                 name: "the number of bone transforms",
                 found: bones.len().to_string(),
                 expected: format!("{}, as the start groups have", groups.joints()),
+            });
+        }
+        if warp.start_boxes().is_some_and(|boxes| boxes.groups() != groups) {
+            return Err(Error::Skeleton {
+                name: "the start groups",
+                found: "others than those that the warp prunes starts for".to_owned(),
+                expected: "the same".to_owned(),
             });
         }
         if let Some(labels) = labels {
@@ -81,6 +107,7 @@ impl<'a, T: Real> Plan<'a, T> {
             inverse_bones: inverse_bones.collect::<Result<_>>()?,
             points,
             bones: (0..points.len()).map(group).collect::<Result<_>>()?,
+            labels,
             settings,
         })
     }
@@ -143,35 +170,46 @@ impl<'a, T: Real> Plan<'a, T> {
 
     /// Searches from all starts of a block; leaves the distinct roots of its points in `thread`.
     pub(crate) fn find<W: Warp<T>, E>(&self, warp: &W, thread: &mut Thread<T, W::Workspace, E>, block: Range<usize>) {
-        let Thread { searched, active, solved, roots, counts, statistics, .. } = thread;
+        let Thread { searched, active, tried, solved, roots, counts, statistics, .. } = thread;
         let bones = &self.bones[block.clone()];
-        let starts = self.points[block].iter().zip(bones).flat_map(|(&target, bones)| {
-            bones.iter().map(move |&bone| Start {
-                target,
-                point: apply(&self.inverse_bones[bone], target),
-                inverse: None,
-            })
-        });
-        statistics.starts = bones.iter().map(|bones| bones.len()).sum();
+        let targets = &self.points[block.clone()];
+        tried.clear();
+        for ((index, &bones), &target) in block.clone().zip(bones).zip(targets) {
+            let boxes = warp.start_boxes().map(|boxes| boxes.of_group(self.labels.map(|labels| labels[index])));
+            for (place, &bone) in bones.iter().enumerate() {
+                let point = apply(&self.inverse_bones[bone], target);
+                if boxes.is_none_or(|boxes| holds(&boxes[place], point)) {
+                    tried.push(Tried { index, bone, target, point });
+                }
+            }
+        }
+        statistics.starts = tried.len();
+        statistics.pruned = bones.iter().map(|bones| bones.len()).sum::<usize>() - tried.len();
         solved.clear();
-        solved.resize(statistics.starts, None);
-        let mut ends = [0; 3];
+        solved.resize(tried.len(), None);
+        let (mut ends, mut immaterial) = ([0; 3], 0);
+        let starts = tried.iter().map(|start| Start { target: start.target, point: start.point, inverse: None });
         statistics.evaluations = solve(warp, searched, active, &self.limits(), starts, |index, solution| {
             ends[solution.outcome as usize] += 1;
             if solution.outcome == Outcome::Converged {
-                solved[index] = Some(Root { point: solution.point, residual: solution.residual, bone: 0 });
+                if warp.matters(solution.point) {
+                    let bone = tried[index].bone;
+                    solved[index] = Some(Root { point: solution.point, residual: solution.residual, bone });
+                } else {
+                    immaterial += 1;
+                }
             }
         });
         [statistics.converged, statistics.diverged, statistics.exhausted] = ends;
+        statistics.immaterial = immaterial;
 
         roots.clear();
         counts.clear();
-        let mut solved = solved.iter();
-        for &bones in bones {
+        let mut of_start = tried.iter().zip(solved.iter()).peekable();
+        for index in block {
             let known = roots.len();
-            let named =
-                bones.iter().zip(solved.by_ref()).filter_map(|(&bone, root)| root.map(|root| Root { bone, ..root }));
-            merge_roots(named, T::of(self.settings.merge_distance), roots);
+            let of_point = std::iter::from_fn(|| of_start.next_if(|(start, _)| start.index == index));
+            merge_roots(of_point.filter_map(|(_, root)| *root), T::of(self.settings.merge_distance), roots);
             counts.push(roots.len() - known);
         }
     }

@@ -81,7 +81,7 @@ pub fn search<T: Real, W: Warp<T>>(
     labels: Option<&[u8]>,
     settings: &SearchSettings,
 ) -> Result<Candidates<T>> {
-    let plan = Plan::new(warp.bones(), groups, points, labels, settings)?;
+    let plan = Plan::new(warp, groups, points, labels, settings)?;
     Ok(plan.run(|thread: &mut Thread<T, W::Workspace, ()>, block| {
         plan.find(warp, thread, block);
     }))
@@ -109,7 +109,7 @@ pub fn search_and_polish<T: Real, W: Warp<T>, E: Warp<T>>(
             expected: "the same bone transforms".to_owned(),
         });
     }
-    let plan = Plan::new(fast.bones(), groups, points, labels, settings)?;
+    let plan = Plan::new(fast, groups, points, labels, settings)?;
     Ok(plan.run(|thread: &mut Thread<T, W::Workspace, E::Workspace>, block| {
         plan.find(fast, thread, block.clone());
         plan.polish(fast, exact, thread, block);
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
     use crate::affine::apply;
     use crate::softmax_field::{generator, posed, vectors};
-    use crate::{BakedWeights, ExactWarp, deform};
+    use crate::{BakedWeights, ExactWarp, Grid, deform};
 
     const JOINTS: usize = 12;
 
@@ -236,8 +236,8 @@ mod tests {
         let exact = ExactWarp::new(&field, &bones).unwrap();
         let (points, _) = deformed(&exact, 500, 40);
         let groups = StartGroups::all(JOINTS).unwrap();
-        let baked = BakedWeights::sample(&field, [-1.2; 3], [1.2; 3], [33, 33, 33]).unwrap();
-        let baked = baked.warp(&bones).unwrap();
+        let baked = BakedWeights::sample(&field, Grid::regular([-1.2; 3], [1.2; 3], [33; 3]).unwrap()).unwrap();
+        let baked = baked.warp(&bones, None).unwrap();
         let settings = SearchSettings::default();
         let reference = search(&exact, &groups, &points, None, &settings).unwrap();
         let coarse = search(&baked, &groups, &points, None, &settings).unwrap();

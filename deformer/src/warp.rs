@@ -6,7 +6,7 @@ use xavatar_network::{Real, SkinningWeights};
 
 use crate::affine::expect_finite_bones;
 use crate::skinning::{blend, blend_jacobians};
-use crate::{BoneTransform, Error, Jacobian, Result};
+use crate::{BoneTransform, Error, Jacobian, Result, StartBoxes};
 
 /// A posed frame as a map of canonical points. N points.
 ///
@@ -17,6 +17,16 @@ pub trait Warp<T: Real>: Sync {
 
     /// The frame's bone transforms, canonical to posed (J).
     fn bones(&self) -> &[BoneTransform<T>];
+
+    /// Where starts may be of use; none if that is not known.
+    fn start_boxes(&self) -> Option<&StartBoxes<'_, T>> {
+        None
+    }
+
+    /// Whether a root at this point is of interest.
+    fn matters(&self, _point: [T; 3]) -> bool {
+        true
+    }
 
     /// Writes the blended transform A at each point (N).
     fn transforms(&self, workspace: &mut Self::Workspace, points: &[[T; 3]], transforms: &mut [BoneTransform<T>]);

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use candle_core::{DType, Device, Tensor};
 use xavatar_deformer::{
-    BakedWeights, BoneTransform, Candidates, ExactWarp, SearchSettings, StartGroups, Warp, deform, deform_backward,
+    BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, Warp, deform, deform_backward,
     root_cotangents, search, search_and_polish,
 };
 use xavatar_network::{Backward, KinematicTree, Real, SkinningField, SkinningWeights};
@@ -196,7 +196,8 @@ fn single_precision_and_polished_baked_searches_find_the_double_precision_roots(
     let field = golden.field::<f64>();
     let (groups, settings) = (groups(), SearchSettings::default());
     let single_field = golden.field::<f32>();
-    let baked = BakedWeights::sample(&single_field, [-1.0, -1.2, -0.3], [1.0, 0.7, 0.3], [41, 39, 13]).unwrap();
+    let grid = Grid::regular([-1.0, -1.2, -0.3], [1.0, 0.7, 0.3], [41, 39, 13]).unwrap();
+    let baked = BakedWeights::sample(&single_field, grid).unwrap();
     let (mut known, mut single_found, mut polished_found) = (0.0, 0.0, 0.0);
     for (pose, (label, part)) in (0..POSES).flat_map(|pose| PARTS.into_iter().enumerate().map(move |p| (pose, p))) {
         let wide = golden.points(&format!("pose{pose}.{part}.x_deformed"));
@@ -208,7 +209,7 @@ fn single_precision_and_polished_baked_searches_find_the_double_precision_roots(
         let (points, bones) = (narrow(&wide), narrow_bones(&wide_bones));
         let exact = ExactWarp::new(&single_field, &bones).unwrap();
         let single = search(&exact, &groups, &points, Some(&labels), &settings).unwrap();
-        let fast = baked.warp(&bones).unwrap();
+        let fast = baked.warp(&bones, None).unwrap();
         let polished = search_and_polish(&fast, &exact, &groups, &points, Some(&labels), &settings).unwrap();
         assert!(single.residuals.iter().chain(&polished.residuals).all(|&residual| residual < 1e-5));
         let found = |found: &Candidates<f32>| {

@@ -6,6 +6,7 @@
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::encoding::{Bounds, EncodingShape, HashGridShape};
 use crate::mlp::{Mlp, MlpShape};
 use crate::{Real, Result};
 
@@ -51,11 +52,16 @@ pub struct GeometryShape {
     /// Units a layer (thesis: 512).
     pub width: usize,
     /// Frequencies of the point's encoding (thesis: 4).
+    #[serde(default)]
     pub frequencies: usize,
-    /// The layer the encoded point is joined to (thesis: 4).
-    pub skip: usize,
-    /// Entries of the embedded condition (thesis: 16).
+    /// The layer the encoded point is joined to (thesis: 4); none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub skip: Option<usize>,
+    /// Entries of the embedded condition (thesis: 16); 0 for a field without one.
     pub embedded: usize,
+    /// A hash grid in the place of the frequencies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grid: Option<HashGridShape>,
 }
 
 /// The geometry field.
@@ -68,20 +74,25 @@ pub struct GeometryField<T> {
 }
 
 impl<T: Real> GeometryField<T> {
-    /// A field under a condition of `condition` entries, all parameters zero.
+    /// A field under a condition of `condition` entries, all parameters zero. A grid fills `bounds`.
     ///
     /// # Errors
     /// [`crate::Error::Shape`] names the extent that is out of range.
-    pub fn new(shape: &GeometryShape, condition: usize, representation: Representation) -> Result<Self> {
+    pub fn new(
+        shape: &GeometryShape,
+        condition: usize,
+        representation: Representation,
+        bounds: Bounds,
+    ) -> Result<Self> {
         let mlp = Mlp::new(MlpShape {
             inputs: 3,
-            frequencies: shape.frequencies,
-            condition,
+            encoding: EncodingShape::of(shape.grid, bounds, shape.frequencies),
+            condition: if shape.embedded == 0 { 0 } else { condition },
             embedded: shape.embedded,
             row_condition: 0,
             depth: shape.depth,
             width: shape.width,
-            skip: Some(shape.skip),
+            skip: shape.skip,
             outputs: 1,
         })?;
         Ok(Self { mlp, representation })

@@ -15,10 +15,11 @@ mod skinning;
 mod texture;
 mod tree_softmax;
 
+pub use encoding::{Bounds, EncodingShape, HashGridShape};
 pub use error::{Error, Result};
 pub use geometry::{GeometryField, GeometryShape, Representation};
-pub use mlp::{Backward, Mlp, MlpGradient, MlpShape, Trace};
-pub use optimiser::{Adam, AdamSettings, clipping_factor};
+pub use mlp::{Backward, Mlp, MlpGradient, MlpShape, SummedGradient, Trace};
+pub use optimiser::{Adam, AdamSettings, NetworkUpdate, ParameterGroup, clipping_factor};
 pub use parameters::{ParameterEntry, ParameterLayout};
 pub use real::Real;
 pub use skinning::{SkinningField, SkinningTrace, SkinningWeights};

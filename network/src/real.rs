@@ -25,6 +25,8 @@ pub trait Real:
     fn of(value: f64) -> Self;
     /// As f64, exactly.
     fn wide(self) -> f64;
+    /// Rounded toward zero; 0 for negative numbers and NaN.
+    fn truncated(self) -> u32;
 }
 
 impl Real for f32 {
@@ -34,6 +36,10 @@ impl Real for f32 {
     fn wide(self) -> f64 {
         f64::from(self)
     }
+    #[inline(always)]
+    fn truncated(self) -> u32 {
+        self as u32
+    }
 }
 
 impl Real for f64 {
@@ -42,5 +48,9 @@ impl Real for f64 {
     }
     fn wide(self) -> f64 {
         self
+    }
+    #[inline(always)]
+    fn truncated(self) -> u32 {
+        self as u32
     }
 }

@@ -6,6 +6,7 @@
 use rand::Rng;
 
 use crate::activation::vectorised;
+use crate::encoding::EncodingShape;
 use crate::mlp::{Backward, Mlp, MlpGradient, MlpShape, Trace};
 use crate::tree_softmax::{Dual, Flow, KinematicTree, LANES, Lanes, Scalar};
 use crate::{Error, Real, Result};
@@ -93,7 +94,7 @@ impl<T: Real> SkinningField<T> {
         }
         let shape = MlpShape {
             inputs: 3,
-            frequencies,
+            encoding: EncodingShape::Frequencies(frequencies),
             condition: 0,
             embedded: 0,
             row_condition: 0,

@@ -6,6 +6,7 @@
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::encoding::{Bounds, EncodingShape, HashGridShape};
 use crate::mlp::{Mlp, MlpShape};
 use crate::{Real, Result};
 
@@ -18,9 +19,21 @@ pub struct TextureShape {
     /// Units a layer (thesis: 256).
     pub width: usize,
     /// Frequencies of the encoding (thesis: 4).
+    #[serde(default)]
     pub frequencies: usize,
-    /// The layer the encoded input is joined to (thesis: 4).
-    pub skip: usize,
+    /// The layer the encoded input is joined to (thesis: 4); none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub skip: Option<usize>,
+    /// A hash grid in the place of the frequencies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grid: Option<HashGridShape>,
+    /// Whether the field sees the deformed normal (thesis), or the canonical point alone.
+    #[serde(default = "sees_normal")]
+    pub normal: bool,
+}
+
+fn sees_normal() -> bool {
+    true
 }
 
 /// The texture field.
@@ -31,20 +44,20 @@ pub struct TextureField<T> {
 }
 
 impl<T: Real> TextureField<T> {
-    /// A field that sees `embedded` condition entries and `features` geometry activations, all parameters zero.
+    /// A field that sees `embedded` condition entries and `features` geometry activations, all parameters zero. A grid fills `bounds`.
     ///
     /// # Errors
     /// [`crate::Error::Shape`] names the extent that is out of range.
-    pub fn new(shape: &TextureShape, embedded: usize, features: usize) -> Result<Self> {
+    pub fn new(shape: &TextureShape, embedded: usize, features: usize, bounds: Bounds) -> Result<Self> {
         let mlp = Mlp::new(MlpShape {
-            inputs: 6,
-            frequencies: shape.frequencies,
+            inputs: if shape.normal { 6 } else { 3 },
+            encoding: EncodingShape::of(shape.grid, bounds, shape.frequencies),
             condition: 0,
             embedded,
             row_condition: features,
             depth: shape.depth,
             width: shape.width,
-            skip: Some(shape.skip),
+            skip: shape.skip,
             outputs: 3,
         })?;
         Ok(Self { mlp })

@@ -4,10 +4,13 @@ use rand::Rng;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use xavatar_network::{
-    Backward, GeometryField, GeometryShape, KinematicTree, Mlp, Representation, SkinningField, SkinningWeights, Trace,
+    Backward, Bounds, GeometryField, GeometryShape, KinematicTree, Mlp, Representation, SkinningField, SkinningWeights,
+    Trace,
 };
 
 const STEP: f64 = 1e-5;
+/// Only a grid would use it.
+const BOUNDS: Bounds = Bounds { lowest: [-1.0; 3], highest: [1.0; 3] };
 
 fn normal(random: &mut ChaCha8Rng, count: usize, scale: f64) -> Vec<f64> {
     (0..count).map(|_| scale * random.sample::<f64, _>(rand_distr::StandardNormal)).collect()
@@ -33,8 +36,8 @@ fn assert_near(what: &str, index: usize, found: f64, expected: f64) {
 }
 
 fn geometry(random: &mut ChaCha8Rng) -> GeometryField<f64> {
-    let shape = GeometryShape { depth: 4, width: 40, frequencies: 3, skip: 2, embedded: 4 };
-    let mut field = GeometryField::new(&shape, 6, Representation::SignedDistance).unwrap();
+    let shape = GeometryShape { depth: 4, width: 40, frequencies: 3, skip: Some(2), embedded: 4, grid: None };
+    let mut field = GeometryField::new(&shape, 6, Representation::SignedDistance, BOUNDS).unwrap();
     field.initialise(random);
     let noise = normal(random, field.mlp.layout().len(), 0.05);
     field.mlp.update(|parameters| parameters.iter_mut().zip(&noise).for_each(|(p, n)| *p += n));
@@ -174,8 +177,8 @@ fn weight_and_gradient_cotangents_reach_points_and_parameters() {
 fn geometry_starts_as_a_sphere() {
     let mut random = ChaCha8Rng::seed_from_u64(4);
     for representation in [Representation::SignedDistance, Representation::Occupancy] {
-        let shape = GeometryShape { depth: 8, width: 256, frequencies: 4, skip: 4, embedded: 16 };
-        let mut field = GeometryField::<f64>::new(&shape, 73, representation).unwrap();
+        let shape = GeometryShape { depth: 8, width: 256, frequencies: 4, skip: Some(4), embedded: 16, grid: None };
+        let mut field = GeometryField::<f64>::new(&shape, 73, representation, BOUNDS).unwrap();
         field.initialise(&mut random);
         let mut points = normal(&mut random, 300 * 3, 1.0);
         for (row, point) in points.chunks_exact_mut(3).enumerate() {

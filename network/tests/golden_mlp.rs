@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use candle_core::{DType, Device, Tensor};
-use xavatar_network::{Backward, Mlp, MlpShape, Real, Trace};
+use xavatar_network::{Backward, EncodingShape, Mlp, MlpShape, Real, Trace};
 
 struct Golden {
     tensors: HashMap<String, Tensor>,
@@ -114,7 +114,7 @@ fn check<T: Real>(name: &str, shape: MlpShape, tolerance: f64) {
 fn geometry() -> MlpShape {
     MlpShape {
         inputs: 3,
-        frequencies: 4,
+        encoding: EncodingShape::Frequencies(4),
         condition: 73,
         embedded: 16,
         row_condition: 0,
@@ -130,7 +130,16 @@ fn texture() -> MlpShape {
 }
 
 fn skinning() -> MlpShape {
-    MlpShape { frequencies: 0, condition: 0, embedded: 0, depth: 5, width: 24, skip: None, outputs: 59, ..geometry() }
+    MlpShape {
+        encoding: EncodingShape::Frequencies(0),
+        condition: 0,
+        embedded: 0,
+        depth: 5,
+        width: 24,
+        skip: None,
+        outputs: 59,
+        ..geometry()
+    }
 }
 
 #[test]

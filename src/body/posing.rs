@@ -109,6 +109,19 @@ impl BodyModel {
         Ok(offsets)
     }
 
+    /// [`vertex_offsets`](Self::vertex_offsets) turned as the canonical pose turns each vertex (V): what a deformer adds to
+    /// canonical points before it moves them.
+    ///
+    /// # Errors
+    /// As [`pose`](Self::pose).
+    pub fn canonical_offsets(&self, parameters: &BodyParameters) -> Result<Vec<Vec3>> {
+        let mut turns = self.canonical_transforms(&parameters.betas)?;
+        turns.iter_mut().for_each(|transform| transform.translation = Vec3::ZERO.into());
+        let mut offsets = self.vertex_offsets(parameters)?;
+        skin(&mut offsets, &self.skinning_weights, &turns);
+        Ok(offsets)
+    }
+
     fn shaped(&self, parameters: &BodyParameters, rotations: &[Mat3A; JOINTS]) -> Vec<Vec3> {
         let mut vertices = self.template.clone();
         self.shapes.add_to(&mut vertices, &shape_coefficients(&parameters.betas, &parameters.expression));

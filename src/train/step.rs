@@ -3,6 +3,7 @@
 //! Every random draw comes from a generator of its own, derived from (seed, stage, step, slot of the frame), so that the order
 //! of execution does not matter.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use rand::seq::SliceRandom;
@@ -13,9 +14,11 @@ use xavatar_network::Representation;
 
 use super::losses::CanonicalBatch;
 use super::pretraining::{CERTAINLY_OUTSIDE, CanonicalBody};
+use super::prepared::PreparedFrame;
+use super::sampling::{self, PosedSamples};
 use super::trainer::Trainer;
-use super::{Stage, StepRecord, sampling};
-use crate::config::{Assignment, SearchedField};
+use super::{Stage, StepRecord};
+use crate::config::{Assignment, Config, SearchedField};
 use crate::correspondence::{PosedField, bake};
 use crate::fields::CONDITION;
 use crate::{Error, Result};
@@ -25,7 +28,40 @@ const WEIGHT_POINTS: usize = 1024;
 /// Spread of the Eikonal points around canonical vertices, metres (METHOD section 5).
 const EIKONAL_SPREAD: f32 = 0.05;
 
-impl Trainer<'_> {
+/// A frame that is to be drawn from.
+struct Order<'a> {
+    place: u64,
+    epoch: u64,
+    frame: Arc<PreparedFrame<'a>>,
+    config: &'a Config,
+    representation: Representation,
+    random: ChaCha8Rng,
+}
+
+/// The samples of one frame of one step.
+pub(super) struct Drawn<'a> {
+    place: u64,
+    epoch: u64,
+    frame: Arc<PreparedFrame<'a>>,
+    condition: Vec<f32>,
+    samples: PosedSamples,
+    /// Continues where the drawing stopped.
+    random: ChaCha8Rng,
+    seconds: f64,
+}
+
+impl<'a> Order<'a> {
+    fn draw(self) -> Drawn<'a> {
+        let begin = Instant::now();
+        let Self { place, epoch, frame, config, representation, mut random } = self;
+        let dropped = random.random::<f64>() < config.fields.condition_dropout;
+        let condition = if dropped { vec![0.0; CONDITION] } else { frame.condition.clone() };
+        let samples = sampling::draw(&frame, &config.sampling, representation, &mut random);
+        Drawn { place, epoch, frame, condition, samples, random, seconds: begin.elapsed().as_secs_f64() }
+    }
+}
+
+impl<'a> Trainer<'a> {
     pub(super) fn pretraining_step(&mut self, step: u64, record: &mut StepRecord) -> Result<()> {
         let mut random = generator(self.config.seed, Stage::Pretraining, step, 0);
         let batch = self.canonical.batch(self.config, &mut random);
@@ -47,20 +83,17 @@ impl Trainer<'_> {
             self.state.baked_skinning = Some(field.mlp().parameters().to_vec());
         }
         let mut statistics = SearchStatistics::default();
-        for slot in 0..count {
-            let place = step * count as u64 + slot as u64;
-            let (epoch, index) = self.shuffled(place);
-            let batch = self.canonical_batch(index, step, slot as u64, record, &mut statistics)?;
-            let mut losses = self.config.losses.clone();
-            if epoch < losses.colour_from_epoch {
-                losses.colour = 0.0;
-            }
-            let begin = Instant::now();
-            let terms = self.losses.accumulate(&self.state.fields, &batch, &losses, share)?;
-            add_time(record, "losses", begin);
-            for (name, value) in terms {
-                *record.losses.entry(name).or_default() += share * value;
-            }
+        for slot in 0..count as u64 {
+            let place = step * count as u64 + slot;
+            let drawn = match self.drawn.take() {
+                Some(drawn) if drawn.place == place => drawn,
+                _ => self.order(place)?.draw(),
+            };
+            let next = self.order(place + 1)?;
+            // While this frame is trained on, the next is drawn.
+            let (trained, drawn) = rayon::join(|| self.train_on(drawn, share, record, &mut statistics), || next.draw());
+            trained?;
+            self.drawn = Some(drawn);
         }
         record.converged = statistics.converged as f64 / statistics.starts.max(1) as f64;
         record.points_without_root = statistics.points_without_root;
@@ -76,26 +109,49 @@ impl Trainer<'_> {
         (epoch, order[(place % count) as usize])
     }
 
-    /// Draws a frame's points and finds their canonical correspondences.
-    fn canonical_batch(
+    /// What is needed to draw from the frame at a place in that sequence, without the trainer.
+    fn order(&mut self, place: u64) -> Result<Order<'a>> {
+        let count = self.config.optimiser.batch_frames as u64;
+        let (epoch, index) = self.shuffled(place);
+        let random = generator(self.config.seed, Stage::Frames, place / count, place % count);
+        let representation = self.state.fields.geometry.representation;
+        Ok(Order { place, epoch, frame: self.frames.prepared(index)?, config: self.config, representation, random })
+    }
+
+    /// Adds a drawn frame's losses and gradients.
+    fn train_on(
         &mut self,
-        index: usize,
-        step: u64,
-        slot: u64,
+        drawn: Drawn<'a>,
+        share: f64,
+        record: &mut StepRecord,
+        statistics: &mut SearchStatistics,
+    ) -> Result<()> {
+        let mut losses = self.config.losses.clone();
+        if drawn.epoch < losses.colour_from_epoch {
+            losses.colour = 0.0;
+        }
+        let batch = self.canonical_batch(drawn, record, statistics)?;
+        let begin = Instant::now();
+        let terms = self.losses.accumulate(&self.state.fields, &batch, &losses, share)?;
+        add_time(record, "losses", begin);
+        for (name, value) in terms {
+            *record.losses.entry(name).or_default() += share * value;
+        }
+        Ok(())
+    }
+
+    /// Finds the canonical correspondences of a frame's points.
+    fn canonical_batch(
+        &self,
+        drawn: Drawn,
         record: &mut StepRecord,
         statistics: &mut SearchStatistics,
     ) -> Result<CanonicalBatch<f32>> {
-        let frame = self.frames.prepared(index)?;
+        let Drawn { frame, condition, samples, mut random, seconds, .. } = drawn;
         let fields = &self.state.fields;
-        let mut random = generator(self.config.seed, Stage::Frames, step, slot);
-        let dropped = random.random::<f64>() < self.config.fields.condition_dropout;
-        let condition = if dropped { vec![0.0; CONDITION] } else { frame.condition.clone() };
-        let begin = Instant::now();
-        let samples = sampling::draw(&frame, &self.config.sampling, fields.geometry.representation, &mut random);
         record.points += samples.on_points.len() + samples.off_points.len();
         record.frames.push(frame.id.to_string());
-
-        add_time(record, "sampling", begin);
+        *record.split.entry("sampling").or_default() += seconds;
         let begin = Instant::now();
         let embedded = fields.geometry.mlp.embed(&condition);
         let posed = PosedField {

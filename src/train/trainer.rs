@@ -17,7 +17,7 @@ use super::checkpoint::{Progress, State, checkpoints};
 use super::frame_store::FrameStore;
 use super::losses::{LossEvaluator, LossTerms};
 use super::pretraining::CanonicalBody;
-use super::step::add_time;
+use super::step::{Drawn, add_time};
 use super::{Event, Observer, Stage, StepRecord};
 use crate::atomic_file::write_atomically;
 use crate::avatar::{Avatar, Subject};
@@ -59,6 +59,8 @@ pub struct Trainer<'a> {
     pub(super) canonical: CanonicalBody<'a>,
     pub(super) frames: FrameStore<'a>,
     pub(super) groups: StartGroups,
+    /// What the next frame is trained on, drawn while the one before was.
+    pub(super) drawn: Option<Drawn<'a>>,
     /// The grid that the search runs on; sampled every few steps.
     pub(super) baked: Option<BakedWeights<f32>>,
     pub(super) state: State,
@@ -134,7 +136,7 @@ impl<'a> Trainer<'a> {
     ) -> Result<Self> {
         let started = Instant::now();
         let canonical = CanonicalBody::new(body, labels, &frames.betas(), config)?;
-        let mut fields = Fields::new(&config.fields, &skeleton_parents())?;
+        let mut fields = Fields::new(&config.fields, &skeleton_parents(), canonical.bounds())?;
         fields.initialise(config.seed);
         let adam = fields.networks().map(|network| Adam::new(network.parameters().len()));
         let progress = Progress { running_loss: f64::INFINITY, best_loss: f64::INFINITY, ..Progress::default() };
@@ -164,6 +166,7 @@ impl<'a> Trainer<'a> {
             earlier_seconds: state.progress.seconds,
             groups: start_groups(config.starts)?,
             baked,
+            drawn: None,
             frames: store,
             run: run.into(),
             config,

@@ -9,9 +9,15 @@ use crate::Real;
 
 impl<T: Real> Mlp<T> {
     /// Draws every layer as PyTorch's `Linear` does: uniform within 1 / sqrt(inputs). Magnitudes are set to |v|.
+    ///
+    /// A grid's table is drawn within 1e-4 (Mueller et al. 2022).
     pub fn initialise_uniform(&mut self, random: &mut impl Rng) {
         let (layers, embedding, condition) = (self.layers.clone(), self.embedding.clone(), self.shape.condition);
+        let table = self.table.clone();
         self.update(|parameters| {
+            for value in &mut parameters[table] {
+                *value = T::of(random.random_range(-1e-4..1e-4));
+            }
             let mut draw = |range: Range<usize>, inputs: usize| {
                 let bound = 1.0 / (inputs as f64).sqrt();
                 for value in &mut parameters[range] {
@@ -34,7 +40,10 @@ impl<T: Real> Mlp<T> {
     pub fn initialise_sphere(&mut self, radius: f64, random: &mut impl Rng) {
         self.initialise_uniform(random);
         let (layers, shape) = (self.layers.clone(), self.shape.clone());
-        let skipped = shape.encoding().width() - shape.inputs;
+        let encoded = self.encoding.width();
+        // Waves and conditions start without influence: only the coordinates themselves shape the sphere. A grid's
+        // features, all close to zero, do not disturb it, and learn at once if they are heard.
+        let heard = if self.table.is_empty() { shape.inputs } else { encoded };
         self.update(|parameters| {
             for (index, layer) in layers.iter().enumerate() {
                 let last = index == shape.depth;
@@ -43,9 +52,8 @@ impl<T: Real> Mlp<T> {
                 for row in parameters[layer.direction.clone()].chunks_exact_mut(layer.inputs) {
                     for (column, value) in row.iter_mut().enumerate() {
                         let normal: f64 = random.sample(rand_distr::StandardNormal);
-                        // Waves and conditions start without influence: only the coordinates themselves shape the sphere.
-                        let silent = (index == 0 && column >= shape.inputs)
-                            || (shape.skip == Some(index) && column >= layer.inputs - skipped);
+                        let silent = (index == 0 && column >= heard)
+                            || (shape.skip == Some(index) && column >= layer.inputs - (encoded - heard));
                         *value = T::of(match (last, silent) {
                             (true, _) => mean + 1e-4 * normal,
                             (false, true) => 0.0,

@@ -10,15 +10,19 @@
 //! Six matrix products a layer for a loss on g, three without. R rows a block, K tangent directions (0 or D), D coordinates,
 //! E encoded entries, C condition entries. A block's activations stay in cache from the first sweep to the last.
 
+mod gradient;
 mod initialise;
 mod shape;
 mod sweeps;
 
 use std::ops::Range;
 
+use crate::encoding::Encoding;
 use crate::parameters::ParameterLayout;
 use crate::{Real, Result};
 
+pub(crate) use gradient::for_each_touched;
+pub use gradient::{MlpGradient, SummedGradient};
 pub use shape::MlpShape;
 pub use sweeps::{Backward, Trace};
 
@@ -47,36 +51,14 @@ struct Embedding {
 #[derive(Clone, Debug)]
 pub struct Mlp<T> {
     shape: MlpShape,
+    encoding: Encoding,
     layout: ParameterLayout,
+    /// The encoding's table, the first of the parameters: there its entries are aligned to their own size.
+    table: Range<usize>,
     layers: Vec<Layer>,
     embedding: Option<Embedding>,
     parameters: Vec<T>,
     folded: Vec<T>,
-}
-
-/// The gradient of a loss with respect to a network's folded weights, plus its embedding's parameters. One a thread.
-#[derive(Clone, Debug)]
-pub struct MlpGradient<T> {
-    folded: Vec<T>,
-    embedding: Vec<T>,
-}
-
-impl<T: Real> MlpGradient<T> {
-    /// Sets every entry to zero.
-    pub fn clear(&mut self) {
-        self.folded.fill(T::zero());
-        self.embedding.fill(T::zero());
-    }
-
-    /// Adds another gradient of the same network.
-    pub fn add(&mut self, other: &Self) {
-        for (sum, term) in self.folded.iter_mut().zip(&other.folded) {
-            *sum += *term;
-        }
-        for (sum, term) in self.embedding.iter_mut().zip(&other.embedding) {
-            *sum += *term;
-        }
-    }
 }
 
 impl<T: Real> Mlp<T> {
@@ -85,9 +67,14 @@ impl<T: Real> Mlp<T> {
     /// # Errors
     /// [`crate::Error::Shape`] names the extent that is out of range.
     pub fn new(shape: MlpShape) -> Result<Self> {
-        shape.validate()?;
-        let encoded = shape.encoding().width();
+        let encoding = Encoding::new(&shape.encoding, shape.inputs)?;
+        let encoded = encoding.width();
+        shape.validate(encoded)?;
         let mut layout = ParameterLayout::default();
+        let table = match encoding.table_shape() {
+            [0, _] => 0..0,
+            extents => layout.push("grid.table".into(), extents.to_vec()),
+        };
         let mut layers = Vec::with_capacity(shape.depth + 1);
         let mut folded = 0;
         for index in 0..=shape.depth {
@@ -109,12 +96,13 @@ impl<T: Real> Mlp<T> {
             let scale = if shape.skip == Some(index) { std::f64::consts::FRAC_1_SQRT_2 } else { 1.0 };
             layers.push(Layer { inputs, outputs, scale, direction, magnitude, bias, folded_weight, folded_bias });
         }
-        let embedding = (shape.condition > 0).then(|| Embedding {
+        let embedding = (shape.condition > 0 && shape.embedded > 0).then(|| Embedding {
             weight: layout.push("lin_p0.weight".into(), vec![shape.embedded, shape.condition]),
             bias: layout.push("lin_p0.bias".into(), vec![shape.embedded]),
         });
         let parameters = vec![T::zero(); layout.len()];
-        Ok(Self { shape, layout, layers, embedding, parameters, folded: vec![T::zero(); folded] })
+        let folded = vec![T::zero(); folded];
+        Ok(Self { shape, encoding, layout, table, layers, embedding, parameters, folded })
     }
 
     /// Its extents.
@@ -132,9 +120,18 @@ impl<T: Real> Mlp<T> {
         &self.parameters
     }
 
+    /// The entries of the encoding's table, (entries, F); empty without one.
+    fn table(&self) -> &[T] {
+        &self.parameters[self.table.clone()]
+    }
+
     /// Lets `change` alter the parameters, then folds the weight normalisation: W = g v / |v|.
     pub fn update(&mut self, change: impl FnOnce(&mut [T])) {
         change(&mut self.parameters);
+        self.fold();
+    }
+
+    fn fold(&mut self) {
         for layer in &self.layers {
             let scale = T::of(layer.scale);
             let directions = self.parameters[layer.direction.clone()].chunks_exact(layer.inputs);
@@ -168,39 +165,6 @@ impl<T: Real> Mlp<T> {
                 *weight += *cotangent * *condition;
             }
             *bias += *cotangent;
-        }
-    }
-
-    /// A gradient of zeros.
-    pub fn zero_gradient(&self) -> MlpGradient<T> {
-        MlpGradient {
-            folded: vec![T::zero(); self.folded.len()],
-            embedding: vec![T::zero(); self.shape.condition.min(1) * self.shape.embedded * (self.shape.condition + 1)],
-        }
-    }
-
-    /// Turns a gradient of the folded weights into one of the parameters, in the order of [`Mlp::layout`].
-    ///
-    /// W = c g v / |v|:  dg = c dW . v / |v|,  dv = c g / |v| (dW - (dW . v) v / |v|^2).
-    pub fn parameter_gradient(&self, gradient: &MlpGradient<T>, result: &mut [T]) {
-        for layer in &self.layers {
-            let scale = T::of(layer.scale);
-            let directions = self.parameters[layer.direction.clone()].chunks_exact(layer.inputs);
-            let folded = gradient.folded[layer.folded_weight.clone()].chunks_exact(layer.inputs);
-            for (row, (direction, d_weight)) in directions.zip(folded).enumerate() {
-                let length = norm(direction);
-                let along = direction.iter().zip(d_weight).map(|(v, d)| *v * *d).sum::<T>() / length;
-                result[layer.magnitude.start + row] = scale * along;
-                let factor = scale * self.parameters[layer.magnitude.start + row] / length;
-                let start = layer.direction.start + row * layer.inputs;
-                for ((result, v), d) in result[start..start + layer.inputs].iter_mut().zip(direction).zip(d_weight) {
-                    *result = factor * (*d - along * *v / length);
-                }
-            }
-            result[layer.bias.clone()].copy_from_slice(&gradient.folded[layer.folded_bias.clone()]);
-        }
-        if let Some(embedding) = &self.embedding {
-            result[embedding.weight.start..embedding.bias.end].copy_from_slice(&gradient.embedding);
         }
     }
 }

@@ -2,17 +2,17 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::encoding::FrequencyEncoding;
+use crate::encoding::{EncodingShape, MOST_COORDINATES};
 use crate::{Error, Result};
 
 /// The extents of an [`Mlp`](super::Mlp).
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MlpShape {
     /// D: coordinates of a point (3, or 6 with a normal).
     pub inputs: usize,
-    /// Frequencies of the encoding; 0 for none.
-    pub frequencies: usize,
+    /// How a point is encoded.
+    pub encoding: EncodingShape,
     /// Length of the pose-and-expression condition that `embedded` linear outputs are made of; 0 for none.
     pub condition: usize,
     /// Entries of the embedded condition, the first of C.
@@ -30,19 +30,12 @@ pub struct MlpShape {
 }
 
 impl MlpShape {
-    pub(super) fn encoding(&self) -> FrequencyEncoding {
-        FrequencyEncoding { dimensions: self.inputs, frequencies: self.frequencies }
-    }
-
-    pub(super) fn validate(&self) -> Result<()> {
+    /// Checks all but the encoding's own extents; `encoded` is its width.
+    pub(super) fn validate(&self, encoded: usize) -> Result<()> {
         let refuse =
             |name, found: usize, expected: String| Err(Error::Shape { name, found: found.to_string(), expected });
-        let encoded = self.encoding().width();
-        if !(1..=8).contains(&self.inputs) {
-            return refuse("inputs", self.inputs, "1 to 8".into());
-        }
-        if self.frequencies > 16 {
-            return refuse("frequencies", self.frequencies, "at most 16".into());
+        if !(1..=MOST_COORDINATES).contains(&self.inputs) {
+            return refuse("inputs", self.inputs, format!("1 to {MOST_COORDINATES}"));
         }
         if !(1..=64).contains(&self.depth) {
             return refuse("depth", self.depth, "1 to 64".into());

@@ -7,6 +7,7 @@ use crate::Real;
 use crate::activation::{
     add_column_sums, add_curvature, add_scaled, curvature_rows, scale_rows, softplus_rows, write_scaled,
 };
+use crate::encoding::{Cells, Directions};
 use crate::matmul::{Matrix, MatrixMut, Write, product};
 
 /// One block's activations: what the sweeps of an [`Mlp`] leave for each other. One a thread and network.
@@ -15,6 +16,8 @@ pub struct Trace<T> {
     rows: usize,
     directions: usize,
     points: Vec<T>,
+    /// Where a grid encoding found the points.
+    cells: Cells<T>,
     /// a_l of each layer, then the K tangents of every row, or v_l (rows R..).
     inputs: Vec<Vec<T>>,
     slopes: Vec<Vec<T>>,
@@ -154,27 +157,25 @@ impl<T: Real> Mlp<T> {
     }
 
     fn fill_first_inputs(&self, trace: &mut Trace<T>, shared: &[T], row_condition: &[T]) {
-        let encoding = self.shape.encoding();
-        let (encoded, stride) = (encoding.width(), self.layers[0].inputs);
-        let (values, tangents) = trace.inputs[0].split_at_mut(trace.rows * stride);
-        for (row, point) in trace.points.chunks_exact(self.shape.inputs).enumerate() {
-            let (wave, condition) = values[row * stride..(row + 1) * stride].split_at_mut(encoded);
-            encoding.encode(point, wave);
-            condition[..self.shape.embedded].copy_from_slice(shared);
-            let own = self.shape.row_condition;
-            condition[self.shape.embedded..].copy_from_slice(&row_condition[row * own..(row + 1) * own]);
-            for axis in 0..trace.directions {
-                let start = (axis * trace.rows + row) * stride;
-                let (wave, condition) = tangents[start..start + stride].split_at_mut(encoded);
-                encoding.tangent(point, axis, wave);
-                condition.fill(T::zero());
-            }
+        let (encoded, stride) = (self.encoding.width(), self.layers[0].inputs);
+        let rows = trace.rows;
+        let (values, tangents) = trace.inputs[0].split_at_mut(rows * stride);
+        self.encoding.encode(self.table(), &trace.points, &mut trace.cells, values, stride);
+        for (row, input) in values.chunks_exact_mut(stride).enumerate() {
+            let (embedded, own) = input[encoded..].split_at_mut(self.shape.embedded);
+            embedded.copy_from_slice(shared);
+            own.copy_from_slice(&row_condition[row * own.len()..(row + 1) * own.len()]);
+        }
+        for (axis, tangents) in tangents.chunks_exact_mut(rows * stride).take(trace.directions).enumerate() {
+            let directions = Directions::Axis(axis);
+            self.encoding.push_forward(self.table(), &trace.points, &trace.cells, directions, tangents, stride);
+            tangents.chunks_exact_mut(stride).for_each(|row| row[encoded..].fill(T::zero()));
         }
     }
 
     /// Copies the encoded point of `rows` of the first layer's input beside the hidden units of layer `index`'s.
     fn join_encoded(&self, first: &[T], input: &mut [T], index: usize, rows: Range<usize>) {
-        let (encoded, first_stride) = (self.shape.encoding().width(), self.layers[0].inputs);
+        let (encoded, first_stride) = (self.encoding.width(), self.layers[0].inputs);
         let (hidden, stride) = (self.hidden_inputs(index), self.layers[index].inputs);
         for row in rows {
             input[row * stride + hidden..(row + 1) * stride]
@@ -189,8 +190,7 @@ impl<T: Real> Mlp<T> {
         let rows = trace.rows;
         assert_eq!(trace.directions, 0, "the input gradient follows a forward sweep without tangents");
         assert_eq!(seed.len(), rows * self.shape.outputs, "seed");
-        let encoding = self.shape.encoding();
-        let encoded = encoding.width();
+        let encoded = self.encoding.width();
         trace.cotangents.resize_with(self.layers.len(), Vec::new);
         for (cotangents, layer) in trace.cotangents.iter_mut().zip(&self.layers) {
             resize(cotangents, 2 * rows * layer.outputs);
@@ -221,10 +221,8 @@ impl<T: Real> Mlp<T> {
         }
         resize(&mut trace.gradient, rows * self.shape.inputs);
         trace.gradient.fill(T::zero());
-        let rows = trace.points.chunks_exact(self.shape.inputs).zip(trace.encoded_gradient.chunks_exact(encoded));
-        for ((point, cotangent), gradient) in rows.zip(trace.gradient.chunks_exact_mut(self.shape.inputs)) {
-            encoding.pull_back(point, cotangent, gradient);
-        }
+        let Trace { points, cells, encoded_gradient, gradient, .. } = trace;
+        self.encoding.pull_back(self.table(), points, cells, encoded_gradient, encoded, gradient);
     }
 
     /// Backward sweep: adds the parameters' gradient for the cotangent of the output, stacked as the output is, and
@@ -252,13 +250,10 @@ impl<T: Real> Mlp<T> {
         }
         // Rows of (cotangent, input) pairs that add to dW: with v and u below a and z_bar, or the tangents.
         let paired = if gradient_cotangent.is_some() { 2 * rows } else { stacked };
-        let encoding = self.shape.encoding();
-        let first_wanted = match wanted {
-            Backward::Parameters if self.shape.embedded == 0 => 0..0,
-            Backward::Parameters => encoding.width()..encoding.width() + self.shape.embedded,
-            Backward::ParametersAndPoints => 0..encoding.width() + self.shape.embedded,
-        };
-        let first_width = encoding.width() + self.shape.embedded;
+        let encoded = self.encoding.width();
+        let first_width = encoded + self.shape.embedded;
+        let encoded_wanted = wanted == Backward::ParametersAndPoints || !self.table.is_empty();
+        let first_wanted = if encoded_wanted { 0..first_width } else { encoded..first_width };
         resize(&mut trace.input_cotangent, stacked * first_width);
         trace.input_cotangent.fill(T::zero());
 
@@ -296,8 +291,7 @@ impl<T: Real> Mlp<T> {
             resize(&mut trace.carried, stacked * hidden);
             let weight = self.weight_columns(layer, 0..hidden);
             product(MatrixMut::new(&mut trace.carried, stacked, hidden, hidden), Write::Replace, cotangent, weight);
-            if self.shape.skip == Some(index) && wanted == Backward::ParametersAndPoints {
-                let encoded = encoding.width();
+            if self.shape.skip == Some(index) && encoded_wanted {
                 let weight = self.weight_columns(layer, hidden..hidden + encoded);
                 let target = MatrixMut::new(&mut trace.input_cotangent, stacked, encoded, first_width);
                 product(target, Write::Add, cotangent, weight);
@@ -321,9 +315,10 @@ impl<T: Real> Mlp<T> {
         if wanted == Backward::ParametersAndPoints {
             self.finish_point_cotangent(trace, gradient_cotangent);
         }
+        self.add_table_gradient(trace, gradient_cotangent, &mut gradient.table);
         let mut condition = vec![T::zero(); self.shape.embedded];
         for row in trace.input_cotangent[..rows * first_width].chunks_exact(first_width) {
-            for (sum, value) in condition.iter_mut().zip(&row[encoding.width()..]) {
+            for (sum, value) in condition.iter_mut().zip(&row[encoded..]) {
                 *sum += *value;
             }
         }
@@ -335,20 +330,16 @@ impl<T: Real> Mlp<T> {
         let rows = trace.rows;
         assert_eq!(trace.directions, 0, "a loss on the input gradient needs a forward sweep without tangents");
         assert_eq!(gradient_cotangent.len(), rows * self.shape.inputs, "gradient cotangent");
-        let encoding = self.shape.encoding();
-        let stride = self.layers[0].inputs;
-        let directions = gradient_cotangent.chunks_exact(self.shape.inputs);
-        for (row, (point, direction)) in trace.points.chunks_exact(self.shape.inputs).zip(directions).enumerate() {
-            let start = (rows + row) * stride;
-            let (wave, condition) = trace.inputs[0][start..start + stride].split_at_mut(encoding.width());
-            encoding.push_forward(point, direction, wave);
-            condition.fill(T::zero());
-        }
+        let (encoded, stride) = (self.encoding.width(), self.layers[0].inputs);
+        let tangents = &mut trace.inputs[0][rows * stride..2 * rows * stride];
+        let directions = Directions::Rows(gradient_cotangent);
+        self.encoding.push_forward(self.table(), &trace.points, &trace.cells, directions, tangents, stride);
+        tangents.chunks_exact_mut(stride).for_each(|row| row[encoded..].fill(T::zero()));
         for index in 0..self.shape.depth {
             let layer = &self.layers[index];
             let stride = self.layers[index + 1].inputs;
             let (before, after) = trace.inputs.split_at_mut(index + 1);
-            let carried = if index == 0 { encoding.width() } else { layer.inputs };
+            let carried = if index == 0 { encoded } else { layer.inputs };
             product(
                 MatrixMut::new(&mut after[0][rows * stride..], rows, layer.outputs, stride),
                 Write::Replace,
@@ -365,26 +356,34 @@ impl<T: Real> Mlp<T> {
     }
 
     fn finish_point_cotangent(&self, trace: &mut Trace<T>, gradient_cotangent: Option<&[T]>) {
-        let encoding = self.shape.encoding();
-        let (encoded, dimensions) = (encoding.width(), self.shape.inputs);
+        let (encoding, table, encoded) = (&self.encoding, self.table(), self.encoding.width());
         let width = encoded + self.shape.embedded;
-        resize(&mut trace.point_cotangent, trace.rows * dimensions);
-        trace.point_cotangent.fill(T::zero());
-        for (row, result) in trace.point_cotangent.chunks_exact_mut(dimensions).enumerate() {
-            let point = &trace.points[row * dimensions..(row + 1) * dimensions];
-            encoding.pull_back(point, &trace.input_cotangent[row * width..row * width + encoded], result);
-            if let Some(cotangents) = gradient_cotangent {
-                let direction = &cotangents[row * dimensions..(row + 1) * dimensions];
-                let along = &trace.encoded_gradient[row * encoded..(row + 1) * encoded];
-                encoding.pull_back_second(point, direction, along, result);
-            }
-            for axis in 0..trace.directions {
-                let start = ((1 + axis) * trace.rows + row) * width;
-                let along = &trace.input_cotangent[start..start + encoded];
-                let mut direction = [T::zero(); 8];
-                direction[axis] = T::one();
-                encoding.pull_back_second(point, &direction[..dimensions], along, result);
-            }
+        let Trace { points, cells, input_cotangent, encoded_gradient, point_cotangent: result, .. } = trace;
+        resize(result, points.len());
+        result.fill(T::zero());
+        encoding.pull_back(table, points, cells, input_cotangent, width, result);
+        if let Some(cotangent) = gradient_cotangent {
+            let directions = Directions::Rows(cotangent);
+            encoding.pull_back_second(table, points, cells, directions, encoded_gradient, encoded, result);
+        }
+        for axis in 0..trace.directions {
+            let along = &input_cotangent[(1 + axis) * trace.rows * width..];
+            encoding.pull_back_second(table, points, cells, Directions::Axis(axis), along, width, result);
+        }
+    }
+
+    /// The encoding's own parameters: what reaches e(x), and e'(x) v where the loss sees derivatives.
+    fn add_table_gradient(&self, trace: &Trace<T>, gradient_cotangent: Option<&[T]>, gradient: &mut [T]) {
+        let (encoding, encoded) = (&self.encoding, self.encoding.width());
+        let width = encoded + self.shape.embedded;
+        let Trace { cells, input_cotangent, encoded_gradient, .. } = trace;
+        encoding.pull_back_table(cells, input_cotangent, width, gradient);
+        if let Some(cotangent) = gradient_cotangent {
+            encoding.pull_back_table_along(cells, Directions::Rows(cotangent), encoded_gradient, encoded, gradient);
+        }
+        for axis in 0..trace.directions {
+            let along = &input_cotangent[(1 + axis) * trace.rows * width..];
+            encoding.pull_back_table_along(cells, Directions::Axis(axis), along, width, gradient);
         }
     }
 }

@@ -25,14 +25,6 @@ impl FrequencyEncoding {
         self.for_each_wave(point, waves, |_, sine, cosine, wave| *wave = (sine, cosine));
     }
 
-    /// Writes de/dx_axis, (E).
-    pub fn tangent<T: Real>(self, point: &[T], axis: usize, tangent: &mut [T]) {
-        tangent.fill(T::zero());
-        let mut direction = [T::zero(); 8];
-        direction[axis] = T::one();
-        self.push_forward(point, &direction[..self.dimensions], tangent);
-    }
-
     /// Writes e'(x) v for a direction v (D), (E).
     pub fn push_forward<T: Real>(self, point: &[T], direction: &[T], tangent: &mut [T]) {
         let (identity, waves) = tangent.split_at_mut(self.dimensions);
