@@ -51,7 +51,7 @@ fn ln_one_plus(e: f32) -> f32 {
 
 #[inline(always)]
 fn softplus_f32(z: f32) -> (f32, f32) {
-    // Beyond this, e^2 would be a subnormal number, which costs more than the whole polynomial; e^-43 / beta is 2e-21.
+    // Beyond this, e^2 would be a subnormal number, slow on many processors; ln(1 + exp(-43)) / beta is 2e-21.
     const FLOOR: f32 = -43.0;
     let exponent = -SHARPNESS as f32 * z.abs();
     let e = exp_of_negative(if exponent < FLOOR { FLOOR } else { exponent });
