@@ -31,11 +31,40 @@ pub struct VoxelShape {
     pub fine_spacing: f32,
 }
 
+/// Places on the body's surface.
+pub struct BodyPlaces {
+    /// Of each: the three vertices of its face, and their shares.
+    places: Vec<([u32; 3], [f32; 3])>,
+}
+
+impl BodyPlaces {
+    /// The nearest place to each of `points` (N) on the canonical body of `betas`, and the signed distance to it (N).
+    ///
+    /// # Errors
+    /// If the body cannot be made.
+    pub fn nearest(body: &BodyModel, betas: &[f32; 10], points: &[Vec3]) -> Result<(Self, Vec<f32>)> {
+        let mesh = body.mesh(body.canonical_vertices(betas, &[0.0; 10])?);
+        let nearest = SolidIndex::new(&mesh)?.signed_distances(points);
+        let places = nearest.iter().map(|(_, place)| (mesh.faces[place.face as usize], place.barycentric)).collect();
+        Ok((Self { places }, nearest.into_iter().map(|(distance, _)| distance).collect()))
+    }
+
+    /// The offset of each place (N) of a body whose vertices move by `offsets` (V).
+    #[must_use]
+    pub fn offsets(&self, offsets: &[Vec3]) -> Vec<[f32; 3]> {
+        let at = |(corners, shares): &([u32; 3], [f32; 3])| {
+            let corner = |(vertex, share): (&u32, &f32)| offsets[*vertex as usize] * *share;
+            corners.iter().zip(shares).map(corner).sum::<Vec3>().to_array()
+        };
+        self.places.par_iter().with_min_len(4096).map(at).collect()
+    }
+}
+
 /// The grid and its nodes' places on the canonical body.
 pub struct CanonicalGrid {
     grid: Grid<f32>,
-    /// Of each node: the three vertices of the nearest face, and their shares.
-    places: Vec<([u32; 3], [f32; 3])>,
+    /// The place nearest to each node.
+    places: BodyPlaces,
     /// Signed distance of each node to the body.
     distances: Vec<f32>,
 }
@@ -59,9 +88,8 @@ impl CanonicalGrid {
         };
         let grid = Grid::new([axis(0)?, axis(1)?, axis(2)?])?;
         let nodes: Vec<Vec3> = (0..grid.len()).map(|node| Vec3::from_array(grid.position(node))).collect();
-        let nearest = SolidIndex::new(&mesh)?.signed_distances(&nodes);
-        let places = nearest.iter().map(|(_, place)| (mesh.faces[place.face as usize], place.barycentric)).collect();
-        Ok(Self { grid, places, distances: nearest.into_iter().map(|(distance, _)| distance).collect() })
+        let (places, distances) = BodyPlaces::nearest(body, betas, &nodes)?;
+        Ok(Self { grid, places, distances })
     }
 
     /// A skinning field on the grid that starts from the body model's weights.
@@ -77,7 +105,7 @@ impl CanonicalGrid {
             };
             (0..JOINTS).map(|joint| (joint, at(joint))).filter(|(_, weight)| *weight > LEAST_WEIGHT).collect()
         };
-        let rows: Vec<Vec<(usize, f32)>> = self.places.par_iter().map(row).collect();
+        let rows: Vec<Vec<(usize, f32)>> = self.places.places.par_iter().map(row).collect();
         Ok(VoxelSkinning::new(self.grid.clone(), JOINTS, &rows)?)
     }
 
@@ -96,11 +124,7 @@ impl CanonicalGrid {
     /// The offset at each node (R) of a body whose vertices move by `offsets` (V).
     #[must_use]
     pub fn node_offsets(&self, offsets: &[Vec3]) -> Vec<[f32; 3]> {
-        let at = |(corners, shares): &([u32; 3], [f32; 3])| {
-            let corner = |(vertex, share): (&u32, &f32)| offsets[*vertex as usize] * *share;
-            corners.iter().zip(shares).map(corner).sum::<Vec3>().to_array()
-        };
-        self.places.par_iter().with_min_len(4096).map(at).collect()
+        self.places.offsets(offsets)
     }
 }
 

@@ -223,6 +223,8 @@ pub struct OptimiserSettings {
     pub batch_frames: usize,
     /// Adam's constants.
     pub adam: AdamSettings,
+    /// Those for hash grids, whose entries are updated only when a sample touches them.
+    pub grid_adam: AdamSettings,
 }
 
 /// How long to train, and how often to save and show.

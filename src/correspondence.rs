@@ -6,10 +6,10 @@
 use glam::Vec3;
 use rayon::prelude::*;
 use xavatar_deformer::{
-    BakedWarp, BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, bone_transform, search,
-    search_and_polish,
+    BakedWarp, BakedWeights, BoneTransform, Candidates, ExactWarp, ExactWorkspace, Grid, Jacobian, SearchSettings,
+    StartGroups, Warp, bone_transform, search, search_and_polish,
 };
-use xavatar_network::{SkinningField, Trace};
+use xavatar_network::{SkinningField, SkinningTrace, Trace};
 
 use crate::Result;
 use crate::body::{FULL_GROUP, JOINTS, Part};
@@ -100,6 +100,24 @@ impl<'a> PosedWarp<'a> {
             }
             (Skinning::Voxels(field), _) => Self::Voxels(field.baked().warp(bones, offsets)?),
         })
+    }
+}
+
+impl PosedWarp<'_> {
+    /// Blended transforms (N) and Jacobians (N) at canonical points (N).
+    pub fn transforms_and_jacobians(
+        &self,
+        workspace: &mut ExactWorkspace<f32, SkinningTrace<f32>>,
+        points: &[[f32; 3]],
+        transforms: &mut [BoneTransform<f32>],
+        jacobians: &mut [Jacobian<f32>],
+    ) {
+        match self {
+            Self::Network(exact) | Self::Polished(_, exact) => {
+                exact.transforms_and_jacobians(workspace, points, transforms, jacobians);
+            }
+            Self::Voxels(grid) => grid.transforms_and_jacobians(&mut (), points, transforms, jacobians),
+        }
     }
 }
 

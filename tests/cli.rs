@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use tempfile::TempDir;
 use xavatar::avatar::Avatar;
+use xavatar::mesh::read_mesh;
 
 /// Networks and samples so small that a step takes milliseconds.
 const TINY: [&str; 9] = [
@@ -117,7 +118,7 @@ fn wrong_usage_exits_with_2_before_anything_is_read() {
 
 #[test]
 fn help_and_version_are_not_errors() {
-    for verb in ["demo", "check", "train", "eval", "extract", "animate", "info"] {
+    for verb in ["demo", "check", "train", "eval", "ablate", "extract", "animate", "info"] {
         assert_outcome(&[verb, "--help"], 0, &["Example", &format!("xavatar {verb}")]);
     }
     assert_outcome(&["--version"], 0, &[env!("CARGO_PKG_VERSION")]);
@@ -204,9 +205,24 @@ fn an_interrupted_animation_goes_on_and_does_not_mix_with_another() {
     std::fs::remove_file(mesh(1)).unwrap();
     assert_outcome(&animate, 0, &["2 of 3 meshes were there already"]);
     assert_eq!(std::fs::read(mesh(1)).unwrap(), first);
+    let fixed = [&animate[..], &["--fixed-topology"]].concat();
+    assert_outcome(&fixed, 1, &["not of the same animation"]);
     let other = PathBuf::from(data).join("test/Take2");
     let animate = ["animate", run, text(&other), "--body", body, "--resolution", "40", "--out", text(&out)];
     assert_outcome(&animate, 1, &["not of the same animation"]);
+}
+
+#[test]
+fn meshes_of_fixed_topology_have_the_same_faces() {
+    let (run, (data, body)) = (trained(), data());
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("animation");
+    let take = PathBuf::from(data).join("train/Take1");
+    let animate = ["animate", run, text(&take), "--body", body, "--resolution", "40", "--out", text(&out)];
+    assert_outcome(&[&animate[..], &["--fixed-topology"]].concat(), 0, &["3 meshes"]);
+    let [first, second] = [1, 2].map(|number| read_mesh(out.join(format!("mesh-f{number:05}.ply"))).unwrap());
+    assert_eq!(first.faces, second.faces);
+    assert_ne!(first.vertices, second.vertices);
 }
 
 /// Starts training, sends a signal once so many steps are noted, and returns the exit code, if any, and what was printed.
@@ -248,6 +264,44 @@ fn a_run_that_was_stopped_and_killed_ends_like_one_that_was_left_alone() {
     assert!(parameters(&whole) == parameters(&broken), "the parameters differ");
     let steps = |run: &Path| std::fs::read_to_string(run.join("metrics.jsonl")).unwrap().lines().count();
     assert_eq!(steps(&whole), steps(&broken), "a step is noted once");
+}
+
+#[cfg(unix)]
+#[test]
+fn interrupted_ablations_go_on_and_end_in_one_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("ablations");
+    let (data, body) = data();
+    let fixed = ["ablate", data, "--body", body, "--out", text(&out), "--preset", "demo", "--resolution", "48"];
+    let settings = TINY.iter().flat_map(|setting| ["--set", setting]);
+    let ablate: Vec<&str> = fixed.into_iter().chain(settings).chain(["--steps", "10"]).collect();
+    let second = out.join("a1-body-starts");
+    let (code, printed) = interrupt(&ablate, &second, 20, "-INT");
+    assert_eq!(code, Some(3), "{printed}");
+    let partial: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("ablations.json")).unwrap()).unwrap();
+    assert_eq!(partial["rows"].as_array().unwrap().len(), 1, "the table has what is done");
+
+    assert_outcome(&[&ablate[..], &["--set", "losses.normal=0.7"]].concat(), 1, &["other settings"]);
+    let printed = assert_outcome(&ablate, 0, &["full: trained already", "A2 all starts: training", "s/step"]);
+    assert!(!printed.contains("full: training"), "{printed}");
+    let json = std::fs::read(out.join("ablations.json")).unwrap();
+    let table: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    let rows = table["rows"].as_array().unwrap();
+    let names = ["full", "body_starts", "all_starts", "uniform_sampling", "free_weights"];
+    assert_eq!(rows.iter().map(|row| row["ablation"].as_str().unwrap()).collect::<Vec<_>>(), names);
+    for row in rows {
+        assert_eq!((&row["steps"], &row["frames"]), (&10.into(), &1.into()));
+        assert!(row["seconds_per_step"].as_f64().unwrap() > 0.0);
+        assert!(row["mean"]["all"]["cd_mm"].as_f64().unwrap().is_finite(), "{row}");
+    }
+    assert_eq!(std::fs::read_to_string(out.join("ablations.md")).unwrap().lines().count(), 7);
+    let config = std::fs::read_to_string(out.join("a4-free-weights/config.toml")).unwrap();
+    assert!(["joint = 0.0", "surface = 0.0", "volume = 0.0"].iter().all(|line| config.contains(line)), "{config}");
+
+    let again = assert_outcome(&ablate, 0, &["A4 no weight losses: trained already"]);
+    assert!(!again.contains(": training"), "{again}");
+    assert!(std::fs::read(out.join("ablations.json")).unwrap() == json, "nothing is trained or measured twice");
 }
 
 #[test]

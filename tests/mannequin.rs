@@ -24,7 +24,7 @@ fn the_model_is_one_closed_skin_with_two_eyeballs_inside() {
     assert!(topology.is_watertight());
     assert_eq!(topology.components, 3);
     assert_eq!(topology.euler_characteristic(), 6);
-    let (skin, _) = largest_component(&mesh);
+    let skin = largest_component(&mesh).mesh;
     assert!((0.05..0.09).contains(&skin.volume()), "{} m^3", skin.volume());
     let solid = SolidIndex::new(&skin).unwrap();
     let eyes = &model.template()[skin.vertices.len()..];
@@ -48,7 +48,7 @@ fn joints_follow_the_shape() {
             let mut parameters = BodyParameters::default();
             parameters.betas[shape] = amount;
             let body = model.pose(&parameters).unwrap();
-            let (skin, _) = largest_component(&model.mesh(body.vertices));
+            let skin = largest_component(&model.mesh(body.vertices)).mesh;
             let solid = SolidIndex::new(&skin).unwrap();
             for joint in 0..JOINTS {
                 assert!(solid.is_inside(body.joints[joint]), "joint {joint} of shape {shape} at {amount}");

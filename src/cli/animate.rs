@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use xavatar::avatar::Avatar;
+use xavatar::avatar::{Animator, Avatar, FixedTopology};
+use xavatar::body::BodyParameters;
 use xavatar::data::read_motion;
 
 use super::extract::MeshFormat;
@@ -16,7 +18,8 @@ use super::{Outcome, outputs};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     xavatar animate runs/00016 data/00016/test/Take4 --body models/smplx --out animation\n  \
-    xavatar animate avatar.safetensors dance.npz --z-up --body models/smplx --out animation --format obj\n\n\
+    xavatar animate avatar.safetensors dance.npz --z-up --body models/smplx --out animation --format obj\n  \
+    xavatar animate runs/00016 dance.npz --body models/smplx --out animation --fixed-topology\n\n\
     Frames that an interrupted call has written are kept; the same call again writes the rest.")]
 pub struct Animate {
     /// An avatar.safetensors or a run's folder
@@ -40,6 +43,16 @@ pub struct Animate {
     /// The motion stands along Z (AMASS, GRAB): turn it to stand along Y
     #[arg(long)]
     z_up: bool,
+    /// Skin one canonical mesh to every frame instead of extracting each: many frames a second, and the same faces in all of
+    /// them, as other programs want; but what one part of the body hides of another stays in the mesh
+    #[arg(long)]
+    fixed_topology: bool,
+}
+
+/// A mesh to be made.
+struct Frame {
+    path: PathBuf,
+    parameters: BodyParameters,
 }
 
 /// What a folder's meshes were made from, so that two animations never mix.
@@ -50,6 +63,7 @@ struct Source {
     frames: usize,
     resolution: usize,
     z_up: bool,
+    fixed_topology: bool,
 }
 
 impl Animate {
@@ -73,20 +87,38 @@ impl Animate {
             frames: total,
             resolution: self.resolution,
             z_up: self.z_up,
+            fixed_topology: self.fixed_topology,
         }
         .claim(&self.out)?;
+        let file = |number: usize| self.out.join(format!("mesh-f{number:05}.{}", self.format.extension()));
+        let frames = (1..).zip(motion.frames).map(|(number, parameters)| Frame { path: file(number), parameters });
+        let missing: Vec<Frame> = frames.filter(|frame| !frame.path.exists()).collect();
+        let kept = total - missing.len();
         let mut progress = Progress::new();
-        let (mut kept, mut dropped_components) = (0, 0);
-        for (number, parameters) in (1..).zip(motion.frames) {
-            let path = self.out.join(format!("mesh-f{number:05}.{}", self.format.extension()));
-            if path.exists() {
-                kept += 1;
-                continue;
+        let mut done = kept;
+        let mut show = |more: usize| {
+            done += more;
+            progress.show("meshes", done as f64 / total as f64, &format!("{done} of {total}"));
+        };
+        let mut dropped_components = 0;
+        if self.fixed_topology {
+            let topology = FixedTopology::new(&avatar, &body, self.resolution)?;
+            dropped_components = topology.dropped_components();
+            // Files of different frames are written at the same time.
+            for frames in missing.chunks(rayon::current_num_threads()) {
+                frames
+                    .par_iter()
+                    .try_for_each(|frame| self.format.write(&frame.path, &topology.pose(&frame.parameters)?))?;
+                show(frames.len());
             }
-            let extraction = avatar.extract_posed(&body, &labels, &parameters, self.resolution)?;
-            dropped_components += extraction.dropped_components;
-            self.format.write(&path, &extraction.mesh)?;
-            progress.show("meshes", f64::from(number) / total as f64, &format!("{number} of {total}"));
+        } else {
+            let animator = Animator::new(&avatar, &body, &labels)?;
+            for frame in &missing {
+                let extraction = animator.extract(&frame.parameters, self.resolution)?;
+                dropped_components += extraction.dropped_components;
+                self.format.write(&frame.path, &extraction.mesh)?;
+                show(1);
+            }
         }
         progress.finish();
         if kept > 0 {

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail};
 use rayon::prelude::*;
-use xavatar::avatar::Avatar;
+use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{BodyModel, Gender};
 use xavatar::config::Config;
 use xavatar::data::{FrameId, FrameSource, ScanFrame, write_npz, write_pickle, write_subject};
@@ -138,6 +138,7 @@ impl Demo {
         let meshes = self.out.join("meshes");
         outputs::existing_folder(&meshes)?;
         let unseen = Filmed::new(subject, Split::Test, size.unseen_frames)?;
+        let animator = Animator::new(avatar, subject.model(), subject.part_labels())?;
         let mut gallery = Gallery::new(size.picture);
         let mut posed: Vec<TriangleMesh> = Vec::new();
         for (index, frame) in unseen.frames.iter().enumerate() {
@@ -146,8 +147,7 @@ impl Demo {
             }
             let share = index as f64 / (unseen.frames.len() + 1) as f64;
             progress.show("meshes", share, &format!("unseen pose {}", index + 1));
-            let mesh =
-                avatar.extract_posed(subject.model(), subject.part_labels(), &frame.parameters, size.resolution)?.mesh;
+            let mesh = animator.extract(&frame.parameters, size.resolution)?.mesh;
             write_ply(meshes.join(format!("unseen-f{:05}.ply", frame.id.number)), &mesh)?;
             gallery.add_pose(&frame.scan, &mesh)?;
             posed.push(mesh);

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use xavatar::avatar::Avatar;
+use xavatar::avatar::{Animator, Avatar};
 use xavatar::evaluate::{Evaluation, SmplxD};
 
-use super::inputs::{SubjectArguments, SubjectFrames};
+use super::inputs::{Split, SubjectArguments, SubjectFrames};
 use super::progress::Progress;
 use super::{Outcome, outputs};
 
@@ -35,12 +35,6 @@ pub struct Eval {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Split {
-    Train,
-    Test,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
 enum Baseline {
     /// The registered body with the mean offset of each vertex
     #[value(name = "smplx+d")]
@@ -55,10 +49,7 @@ impl Eval {
         let avatar = Avatar::load(&self.avatar)?;
         let opened = self.subject.open()?;
         let subject = &opened.subject;
-        let files = match self.split {
-            Split::Train => &subject.train,
-            Split::Test => &subject.test,
-        };
+        let files = self.split.files(subject);
         let frames = SubjectFrames::new(subject, files);
         let baseline = match self.baseline {
             Some(Baseline::SmplxD) => {
@@ -74,11 +65,12 @@ impl Eval {
             samples: Evaluation::SAMPLES,
             seed: 0,
         };
+        let animator = Animator::new(&avatar, &opened.body, &opened.labels)?;
         let mut progress = Progress::new();
         let (mut done, total) = (0, files.len());
         let report = evaluation.run(
             frames.iter(),
-            |frame| Ok(avatar.extract_posed(&opened.body, &opened.labels, &frame.parameters, self.resolution)?.mesh),
+            |frame| Ok(animator.extract(&frame.parameters, self.resolution)?.mesh),
             |frame| {
                 done += 1;
                 let distance = frame.metrics.all.map_or_else(String::new, |all| format!("  CD {:.2} mm", all.cd_mm));

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
 use xavatar::body::{BodyModel, Gender, PartLabels};
 use xavatar::data::{FrameFiles, FrameId, FrameSource, ScanFrame, Subject, read_frame};
 
@@ -14,6 +16,23 @@ pub struct SubjectArguments {
     /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl (the subject's gender.txt chooses)
     #[arg(long, value_name = "BODY")]
     pub body: PathBuf,
+}
+
+/// Frames of a subject that are measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Split {
+    Train,
+    Test,
+}
+
+impl Split {
+    pub fn files(self, subject: &Subject) -> &[FrameFiles] {
+        match self {
+            Self::Train => &subject.train,
+            Self::Test => &subject.test,
+        }
+    }
 }
 
 /// A subject with its body model.

@@ -2,6 +2,7 @@
 //!
 //! Results go to stdout, progress and errors to stderr. Exit codes: 0 done, 1 failed, 2 wrong usage, 3 stopped but resumable.
 
+mod ablate;
 mod animate;
 mod check;
 mod demo;
@@ -14,6 +15,7 @@ mod outputs;
 mod progress;
 mod stop;
 mod train;
+mod training;
 
 use std::process::ExitCode;
 
@@ -44,6 +46,7 @@ enum Verb {
     Check(check::Check),
     Train(train::Train),
     Eval(eval::Eval),
+    Ablate(ablate::Ablate),
     Extract(extract::Extract),
     Animate(animate::Animate),
     Info(info::Info),
@@ -98,6 +101,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Check(verb) => verb.run(),
         Verb::Train(verb) => verb.run(),
         Verb::Eval(verb) => verb.run(),
+        Verb::Ablate(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),

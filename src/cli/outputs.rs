@@ -40,7 +40,11 @@ pub fn new_file(path: &Path) -> anyhow::Result<()> {
 
 /// Writes JSON for scripts.
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> anyhow::Result<()> {
-    let text = serde_json::to_string_pretty(value)? + "\n";
+    write_text(path, &(serde_json::to_string_pretty(value)? + "\n"))
+}
+
+/// Writes a text file.
+pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
     let write = || {
         let mut partial = tempfile::Builder::new();
         // Temporary files are private by default; results are for everyone the umask allows.

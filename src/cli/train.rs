@@ -9,6 +9,7 @@ use xavatar::train::{Ending, Trainer};
 
 use super::inputs::{SubjectArguments, SubjectFrames};
 use super::progress::Progress;
+use super::training::TrainingArguments;
 use super::{Outcome, WrongUsage, outputs, stop};
 
 /// Train an avatar from a subject's scans
@@ -24,27 +25,11 @@ pub struct Train {
     /// The run's folder: new or empty, unless it is resumed
     #[arg(long, value_name = "RUN")]
     out: PathBuf,
-    /// Networks and constants to start from: fast, demo, paper-scan [default: fast]
-    #[arg(long, value_name = "P")]
-    preset: Option<String>,
-    /// Wall time of the whole command, preparation included, instead of a number of steps
-    #[arg(long, value_name = "M", conflicts_with = "steps", value_parser = positive_minutes)]
-    minutes: Option<f64>,
-    /// Steps to train [default: the preset's]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    steps: Option<u64>,
-    /// Seed of everything random [default: 0]
-    #[arg(long, value_name = "S")]
-    seed: Option<u64>,
+    #[command(flatten)]
+    training: TrainingArguments,
     /// Go on with the run in RUN from its newest checkpoint
     #[arg(long)]
     resume: bool,
-    /// Override any setting of the preset (see config.toml in a run); may be given again
-    #[arg(long = "set", value_name = "key=value", value_parser = setting)]
-    settings: Vec<(String, String)>,
-    /// Leave out frames that cannot be read, and list them, instead of stopping at the first
-    #[arg(long)]
-    skip_bad_frames: bool,
 }
 
 impl Train {
@@ -73,21 +58,8 @@ impl Train {
         Ok(Outcome::Done)
     }
 
-    /// The settings that were given, options of their own included.
-    fn settings(&self) -> Vec<(String, String)> {
-        let own = [
-            ("schedule.minutes", self.minutes.map(|minutes| minutes.to_string())),
-            ("schedule.steps", self.steps.map(|steps| steps.to_string())),
-            ("seed", self.seed.map(|seed| seed.to_string())),
-            ("skip_bad_frames", self.skip_bad_frames.then(|| "true".to_owned())),
-        ];
-        let own = own.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?)));
-        self.settings.iter().cloned().chain(own).collect()
-    }
-
     fn new_configuration(&self) -> anyhow::Result<Config> {
-        let preset = self.preset.as_deref().unwrap_or("fast");
-        let config = Config::preset_with(preset, &self.settings()).map_err(WrongUsage)?;
+        let config = Config::preset_with(self.training.preset(), &self.training.settings()).map_err(WrongUsage)?;
         if !outputs::is_new_or_empty(&self.out)? {
             bail!(
                 "{}: the folder is not empty; give a new --out, or --resume to go on with the run in it",
@@ -100,12 +72,12 @@ impl Train {
     /// The run's own. Settings other than those that it was started with are refused: they would have no effect.
     fn configuration_of_run(&self) -> anyhow::Result<Config> {
         let run = Trainer::configuration(&self.out)?;
-        if let Some(preset) = self.preset.as_ref().filter(|preset| **preset != run.preset) {
+        if let Some(preset) = self.training.preset.as_ref().filter(|preset| **preset != run.preset) {
             bail!("{}: the run has the preset {}, not {preset}", self.out.display(), run.preset);
         }
-        let asked = Config::preset_with(&run.preset, &self.settings()).map_err(WrongUsage)?;
+        let asked = Config::preset_with(&run.preset, &self.training.settings()).map_err(WrongUsage)?;
         let (settled, asked) = (run.to_toml().parse()?, asked.to_toml().parse()?);
-        for (key, _) in self.settings() {
+        for (key, _) in self.training.settings() {
             let (found, wanted) = (value_of(&settled, &key), value_of(&asked, &key));
             if let Some((found, wanted)) = found.zip(wanted).filter(|(found, wanted)| found != wanted) {
                 bail!(
@@ -125,14 +97,4 @@ fn value_of<'a>(table: &'a toml::Table, key: &str) -> Option<&'a toml::Value> {
         (value, None) => Some(value),
         _ => None,
     }
-}
-
-fn setting(text: &str) -> Result<(String, String), String> {
-    let (key, value) = text.split_once('=').ok_or("expected key=value")?;
-    Ok((key.trim().into(), value.trim().into()))
-}
-
-fn positive_minutes(text: &str) -> Result<f64, String> {
-    let minutes: f64 = text.parse().map_err(|_| "expected a number of minutes")?;
-    if minutes.is_finite() && minutes > 0.0 { Ok(minutes) } else { Err("expected more than 0 minutes".into()) }
 }

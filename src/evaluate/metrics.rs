@@ -12,7 +12,7 @@
 use glam::Vec3;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::overlap::{BoundingBox, Overlap};
 use crate::Result;
@@ -25,7 +25,7 @@ const PART_REACH: f32 = 0.08;
 const MILLIMETRES: f64 = 1000.0;
 
 /// A value for the whole body, for both hands, and for the face.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Parts<T> {
     /// The whole surface.
     pub all: T,
@@ -40,7 +40,7 @@ pub struct Parts<T> {
 pub type FrameMetrics = Parts<Option<PartMetrics>>;
 
 /// How well one part agrees with the scan. All values are finite.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PartMetrics {
     /// Chamfer distance, millimetres.
     pub cd_mm: f64,

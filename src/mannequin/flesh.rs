@@ -103,7 +103,7 @@ impl Flesh {
         let (minimum, maximum) = (Vec3::new(-2.2, -1.55, -0.75), Vec3::new(2.2, 1.15, 0.75));
         let resolution = ((maximum - minimum).max_element() / detail.cell).round() as usize;
         let grid = ExtractionGrid { minimum, maximum, resolution, level: 0.0, inside_is: Sign::Negative };
-        let mut mesh = extract(&field, grid)?;
+        let mut mesh = extract(&field, grid)?.mesh;
         mesh.vertices.par_iter_mut().for_each(|vertex| *vertex = self.onto_surface(space.to_body(*vertex).0));
         self.even_out(&mut mesh);
         Ok(mesh)

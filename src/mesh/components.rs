@@ -46,34 +46,46 @@ fn root_of(parent: &mut [u32], mut vertex: u32) -> u32 {
     vertex
 }
 
-/// The connected part with the largest area, and how many others were dropped. Its vertices keep their order.
+/// One connected part of a mesh.
+#[derive(Clone, Debug, Default)]
+pub struct Component {
+    /// The part alone; its vertices keep their order.
+    pub mesh: TriangleMesh,
+    /// Which vertex of the whole mesh each of its vertices was (V).
+    pub vertices: Vec<u32>,
+    /// How many other parts there are.
+    pub others: usize,
+}
+
+/// The connected part with the largest area.
 #[must_use]
-pub fn largest_component(mesh: &TriangleMesh) -> (TriangleMesh, usize) {
+pub fn largest_component(mesh: &TriangleMesh) -> Component {
     let FaceComponents { of_face, count } = face_components(&mesh.merged_by_position());
     let mut areas = vec![0.0; count];
     for (face, &part) in of_face.iter().enumerate() {
         areas[part as usize] += mesh.face_area(face as u32);
     }
     let largest = (0..count).reduce(|best, part| if areas[part] > areas[best] { part } else { best });
-    let Some(largest) = largest else { return (TriangleMesh::default(), 0) };
+    let Some(largest) = largest else { return Component::default() };
     let faces: Vec<[u32; 3]> =
         mesh.faces.iter().zip(&of_face).filter(|&(_, &part)| part as usize == largest).map(|(&face, _)| face).collect();
-    (with_faces(mesh, faces), count - 1)
+    let (mesh, vertices) = with_faces(mesh, faces);
+    Component { mesh, vertices, others: count - 1 }
 }
 
-/// The mesh with these faces only, and the vertices they use.
-fn with_faces(mesh: &TriangleMesh, mut faces: Vec<[u32; 3]>) -> TriangleMesh {
+/// The mesh with these faces only and the vertices they use, and which those are.
+fn with_faces(mesh: &TriangleMesh, mut faces: Vec<[u32; 3]>) -> (TriangleMesh, Vec<u32>) {
     let mut used = vec![false; mesh.vertices.len()];
     faces.iter().flatten().for_each(|&v| used[v as usize] = true);
-    let kept: Vec<usize> = (0..used.len()).filter(|&v| used[v]).collect();
+    let kept: Vec<u32> = (0..used.len() as u32).filter(|&v| used[v as usize]).collect();
     let mut renumbered = vec![0; mesh.vertices.len()];
-    kept.iter().enumerate().for_each(|(new, &old)| renumbered[old] = new as u32);
+    kept.iter().enumerate().for_each(|(new, &old)| renumbered[old as usize] = new as u32);
     faces.iter_mut().flatten().for_each(|v| *v = renumbered[*v as usize]);
 
-    fn pick<T: Copy>(values: &[T], kept: &[usize]) -> Vec<T> {
-        kept.iter().map(|&v| values[v]).collect()
+    fn pick<T: Copy>(values: &[T], kept: &[u32]) -> Vec<T> {
+        kept.iter().map(|&v| values[v as usize]).collect()
     }
-    TriangleMesh {
+    let mesh = TriangleMesh {
         vertices: pick(&mesh.vertices, &kept),
         faces,
         normals: mesh.normals.as_ref().map(|normals| pick(normals, &kept)),
@@ -82,7 +94,8 @@ fn with_faces(mesh: &TriangleMesh, mut faces: Vec<[u32; 3]>) -> TriangleMesh {
             Colouring::Vertex(colours) => Colouring::Vertex(pick(colours, &kept)),
             Colouring::Texture { uvs, image } => Colouring::Texture { uvs: pick(uvs, &kept), image: image.clone() },
         },
-    }
+    };
+    (mesh, kept)
 }
 
 #[cfg(test)]
@@ -103,17 +116,18 @@ mod tests {
             normals: None,
             colouring: Colouring::Vertex(colours),
         };
-        let (largest, dropped) = largest_component(&mesh);
-        assert_eq!(dropped, 1);
+        let Component { mesh: largest, vertices, others } = largest_component(&mesh);
+        assert_eq!(others, 1);
         assert_eq!(largest.faces, [[0, 1, 2], [3, 4, 5]]);
         assert_eq!(largest.vertices, mesh.vertices[4..]);
+        assert_eq!(vertices, [4, 5, 6, 7, 8, 9]);
         assert!(matches!(largest.colouring, Colouring::Vertex(c) if c[0] == [4, 0, 0] && c[5] == [9, 0, 0]));
     }
 
     #[test]
     fn nothing_has_no_parts() {
-        let (mesh, dropped) = largest_component(&TriangleMesh::default());
+        let Component { mesh, others, .. } = largest_component(&TriangleMesh::default());
         assert!(mesh.faces.is_empty());
-        assert_eq!(dropped, 0);
+        assert_eq!(others, 0);
     }
 }

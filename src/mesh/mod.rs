@@ -24,8 +24,8 @@ use glam::{Vec2, Vec3};
 use image::RgbImage;
 
 pub use closest::{ClosestPoint, SurfaceIndex};
-pub use components::largest_component;
-pub use extract::{ExtractionGrid, FINEST_RESOLUTION, Sign, extract};
+pub use components::{Component, largest_component};
+pub use extract::{ExtractedSurface, ExtractionGrid, FINEST_RESOLUTION, Sign, extract};
 pub use obj::{read_obj, write_obj};
 pub use ply::{read_ply, write_ply};
 pub use sampling::SurfaceSampler;

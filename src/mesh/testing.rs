@@ -24,7 +24,7 @@ pub(super) fn bumpy_sphere(resolution: usize) -> TriangleMesh {
     let field = |points: &[Vec3], values: &mut [f32]| {
         points.iter().zip(values).for_each(|(p, v)| *v = p.length() - bumpy_radius(*p))
     };
-    extract(&field, grid).unwrap()
+    extract(&field, grid).unwrap().mesh
 }
 
 /// Points in the cube from -`half` to `half`.

@@ -70,7 +70,7 @@ mod tests {
             level: 0.0,
             inside_is: Sign::Negative,
         };
-        let solid = SolidIndex::new(&extract(&field, grid).unwrap()).unwrap();
+        let solid = SolidIndex::new(&extract(&field, grid).unwrap().mesh).unwrap();
         let distances = DistanceGrid::new(&solid, bounds.0, bounds.1);
         for step in 0..200 {
             let point = [0.002 * step as f32, 0.3 - 0.001 * step as f32, -0.1];

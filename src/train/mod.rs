@@ -6,6 +6,7 @@
 mod checkpoint;
 mod distance_grid;
 mod frame_store;
+mod history;
 pub mod losses;
 mod prepared;
 mod pretraining;
@@ -16,9 +17,10 @@ mod trainer;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub(crate) use checkpoint::{insert_parameters, load_parameters, load_voxels};
+pub use history::seconds_per_step;
 pub use trainer::{Ending, Trainer};
 
 use losses::LossTerms;
@@ -64,7 +66,7 @@ pub enum Event<'a> {
 }
 
 /// The stage of a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
     /// Stage 0: the body model in canonical space.

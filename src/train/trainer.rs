@@ -31,7 +31,7 @@ use crate::render::{Camera, FRONT, Tile, View, contact_sheet, render_mesh, write
 use crate::{Error, Result};
 
 const CONFIG: &str = "config.toml";
-const METRICS: &str = "metrics.jsonl";
+pub(super) const METRICS: &str = "metrics.jsonl";
 const PREVIEWS: &str = "previews";
 /// Weight of the past in the running mean of the loss.
 const LOSS_MEMORY: f64 = 0.98;
@@ -358,7 +358,7 @@ impl<'a> Trainer<'a> {
         let group = |rate: f64| ParameterGroup { settings: settings.adam, rate: decay * rate };
         let update = NetworkUpdate {
             network: group(settings.learning_rate),
-            grid: group(settings.grid_learning_rate),
+            grid: ParameterGroup { settings: settings.grid_adam, rate: decay * settings.grid_learning_rate },
             factor,
         };
         for ((network, adam), gradient) in fields.networks_mut().into_iter().zip(adam.iter_mut()).zip(gradients) {

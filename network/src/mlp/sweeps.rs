@@ -4,7 +4,9 @@ use std::ops::Range;
 
 use super::{Layer, Mlp, MlpGradient};
 use crate::Real;
-use crate::activation::{add_column_sums, add_curvature, add_scaled, curvature_rows, scale_rows, softplus_rows};
+use crate::activation::{
+    add_column_sums, add_curvature, add_scaled, curvature_rows, scale_rows, softplus_rows, write_scaled,
+};
 use crate::encoding::{Cells, Directions};
 use crate::matmul::{Matrix, MatrixMut, Write, product};
 
@@ -297,13 +299,12 @@ impl<T: Real> Mlp<T> {
             let block = rows * hidden;
             let slopes = &trace.slopes[index - 1];
             let previous = &mut before[index - 1];
-            if gradient_cotangent.is_none() {
-                previous[..stacked * hidden].fill(T::zero());
-            }
+            // After the up sweep `previous` holds what that left on z.
+            let pull_back = if gradient_cotangent.is_some() { add_scaled } else { write_scaled };
             for (result, carried) in
                 previous[..stacked * hidden].chunks_exact_mut(block).zip(trace.carried.chunks_exact(block))
             {
-                add_scaled(result, slopes, carried);
+                pull_back(result, slopes, carried);
             }
             for direction in 1..=trace.directions {
                 let tangents = &trace.inputs[index][direction * rows * layer.inputs..];

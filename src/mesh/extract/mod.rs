@@ -49,13 +49,22 @@ pub struct ExtractionGrid {
     pub inside_is: Sign,
 }
 
+/// A closed mesh, and between which points of the lattice its vertices are.
+#[derive(Clone, Debug, Default)]
+pub struct ExtractedSurface {
+    /// The surface; no two vertices are at the same place.
+    pub mesh: TriangleMesh,
+    /// The neighbouring lattice points that each vertex lies between (V), the one inside first: where the field was evaluated.
+    pub edges: Vec<[Vec3; 2]>,
+}
+
 /// The surface `field = level` as a closed mesh whose faces look outward; it does not depend on threads.
 ///
 /// `field` writes the values at a batch of points (up to 8,192; metres), several batches at a time on rayon's threads.
 ///
 /// # Errors
 /// [`Error::NoSurface`] with the range seen; [`Error::Value`] for a grid out of range or a value that is not finite.
-pub fn extract(field: &(dyn Fn(&[Vec3], &mut [f32]) + Sync), grid: ExtractionGrid) -> Result<TriangleMesh> {
+pub fn extract(field: &(dyn Fn(&[Vec3], &mut [f32]) + Sync), grid: ExtractionGrid) -> Result<ExtractedSurface> {
     let lattice = Box3::new(&grid)?;
     let mut samples = Samples::new(field, &grid, lattice);
     let crossed = follow_surface(&mut samples)?;
@@ -66,9 +75,10 @@ pub fn extract(field: &(dyn Fn(&[Vec3], &mut [f32]) + Sync), grid: ExtractionGri
 }
 
 /// The triangles of all crossed cells; a lattice edge has one vertex, shared by the cells around it.
-fn polygonise(crossed: &[UVec3], samples: &Samples, lattice: Box3) -> TriangleMesh {
+fn polygonise(crossed: &[UVec3], samples: &Samples, lattice: Box3) -> ExtractedSurface {
     const NO_VERTEX: [u32; 3] = [u32::MAX; 3];
     let mut vertices = Vec::with_capacity(crossed.len());
+    let mut edges = Vec::with_capacity(crossed.len());
     let mut faces = Vec::with_capacity(2 * crossed.len());
     let mut on_edges = SparseLattice::new(lattice.points(), NO_VERTEX);
     for &cell in crossed {
@@ -78,23 +88,27 @@ fn polygonise(crossed: &[UVec3], samples: &Samples, lattice: Box3) -> TriangleMe
                 let on_edge = on_edges.entry(start);
                 if on_edge[edge.axis()] == u32::MAX {
                     on_edge[edge.axis()] = vertices.len() as u32;
-                    vertices.push(crossing(samples, lattice, start, edge.axis()));
+                    let (vertex, between) = crossing(samples, lattice, start, edge.axis());
+                    vertices.push(vertex);
+                    edges.push(between);
                 }
                 on_edge[edge.axis()]
             }));
         }
     }
-    TriangleMesh { vertices, faces, normals: None, colouring: Colouring::None }
+    let mesh = TriangleMesh { vertices, faces, normals: None, colouring: Colouring::None };
+    ExtractedSurface { mesh, edges }
 }
 
-/// Where the surface crosses the lattice edge from `start` along `axis`, linearly interpolated.
-fn crossing(samples: &Samples, lattice: Box3, start: UVec3, axis: usize) -> Vec3 {
+/// Where the surface crosses the lattice edge from `start` along `axis`, linearly interpolated; and the edge, its inside end first.
+fn crossing(samples: &Samples, lattice: Box3, start: UVec3, axis: usize) -> (Vec3, [Vec3; 2]) {
     // Vertices that fell on a lattice point would coincide, and their faces have no area.
     const KEPT_OFF: f32 = 1e-3;
     let end = start + UVec3::AXES[axis];
     let (a, b) = (samples.depth(start), samples.depth(end));
     let along = (a / (a - b)).clamp(KEPT_OFF, 1.0 - KEPT_OFF);
-    lattice.position(start).lerp(lattice.position(end), along)
+    let ends = [start, end].map(|point| lattice.position(point));
+    (ends[0].lerp(ends[1], along), if a > 0.0 { ends } else { [ends[1], ends[0]] })
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ fn grid(half: f32, resolution: usize) -> ExtractionGrid {
 
 fn extract_distance(distance: impl Fn(Vec3) -> f32 + Sync, grid: ExtractionGrid) -> Result<TriangleMesh> {
     extract(&|points, values| points.iter().zip(values).for_each(|(&p, v)| *v = distance(p)), grid)
+        .map(|found| found.mesh)
 }
 
 fn torus(p: Vec3) -> f32 {
@@ -70,6 +71,17 @@ fn the_level_moves_the_surface() {
 }
 
 #[test]
+fn vertices_lie_between_the_lattice_points_of_their_edges() {
+    let field = |points: &[Vec3], values: &mut [f32]| points.iter().zip(values).for_each(|(&p, v)| *v = torus(p));
+    let found = extract(&field, grid(1.0, 40)).unwrap();
+    assert_eq!(found.edges.len(), found.mesh.vertices.len());
+    for (vertex, [inside, outside]) in found.mesh.vertices.iter().zip(&found.edges) {
+        assert!(torus(*inside) < 0.0 && torus(*outside) >= 0.0);
+        assert!((vertex.distance(*inside) + vertex.distance(*outside) - inside.distance(*outside)).abs() < 1e-6);
+    }
+}
+
+#[test]
 fn thin_fingers_and_separate_parts_are_found() {
     let mesh = extract_distance(hand, grid(1.0, 256)).unwrap();
     let topology = Topology::of(&mesh);
@@ -81,9 +93,9 @@ fn thin_fingers_and_separate_parts_are_found() {
     let spheres = |p: Vec3| (p.distance(Vec3::X * 0.5) - 0.3).min(p.distance(Vec3::X * -0.5) - 0.2);
     let mesh = extract_distance(spheres, grid(1.0, 128)).unwrap();
     assert_eq!(Topology::of(&mesh).components, 2);
-    let (largest, dropped) = largest_component(&mesh);
-    assert_eq!(dropped, 1);
-    assert!(largest.vertices.iter().all(|v| v.x > 0.0));
+    let largest = largest_component(&mesh);
+    assert_eq!(largest.others, 1);
+    assert!(largest.mesh.vertices.iter().all(|v| v.x > 0.0));
 }
 
 #[test]
@@ -97,7 +109,8 @@ fn few_more_points_are_evaluated_than_the_crossed_cells_have_corners() {
         },
         grid(1.0, 256),
     )
-    .unwrap();
+    .unwrap()
+    .mesh;
     // A crossed cell has about one lattice point of its own on either side; a closed mesh has about a vertex a crossed cell.
     let necessary = 2 * mesh.vertices.len();
     let coarse = 33 * 33 * 33;

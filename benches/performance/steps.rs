@@ -1,0 +1,141 @@
+//! Whole training steps on the built-in subject, each case in a process of its own: time, split, peak memory.
+//!
+//! The process runs this same program with [`CASE`] set, and answers with one JSON map on its standard output.
+
+use std::collections::BTreeMap;
+use std::process::{Command, Stdio};
+use std::sync::atomic::AtomicBool;
+
+use xavatar::body::Gender;
+use xavatar::config::Config;
+use xavatar::data::{FrameId, FrameSource, ScanFrame};
+use xavatar::mannequin::{BuiltInSubject, Split};
+use xavatar::train::{Event, Observer, Stage, Trainer};
+
+use crate::report::{Report, Seconds};
+
+/// The environment variable that makes this program measure one case: its settings, as `key=value` joined by semicolons.
+pub const CASE: &str = "XAVATAR_PERFORMANCE_CASE";
+
+const PRESET: &str = "paper-scan";
+
+/// What every case starts from.
+const SETTINGS: &str = "optimiser.batch_frames=1;schedule.preview_steps=0;losses.colour_from_epoch=0";
+
+/// Settings of the cases that the first is compared with, and their threads where not all.
+const VARIANTS: [(&str, &str, Option<&str>); 6] = [
+    ("paper_scan_step_3000_points_s", "sampling.points=3000", None),
+    ("paper_scan_step_12000_points_s", "sampling.points=12000", None),
+    ("paper_scan_step_2_frames_s", "optimiser.batch_frames=2", None),
+    ("paper_scan_step_9_bones_s", "starts=\"body\"", None),
+    ("paper_scan_step_55_bones_s", "starts=\"all\"", None),
+    ("paper_scan_step_1_thread_s", "", Some("1")),
+];
+
+/// One frame of the built-in subject, again and again.
+pub struct OneFrame {
+    frame: ScanFrame,
+    ids: Vec<FrameId>,
+    betas: [f32; 10],
+}
+
+impl OneFrame {
+    /// The first frame of the training take.
+    pub fn of(subject: &BuiltInSubject) -> xavatar::Result<Self> {
+        let frame = subject.frame(Split::Train, 0, 1)?;
+        Ok(Self { ids: vec![frame.id.clone()], betas: subject.betas(), frame })
+    }
+}
+
+impl FrameSource for OneFrame {
+    fn ids(&self) -> &[FrameId] {
+        &self.ids
+    }
+
+    fn read(&self, _: usize) -> xavatar::Result<ScanFrame> {
+        Ok(self.frame.clone())
+    }
+
+    fn betas(&self) -> [f32; 10] {
+        self.betas
+    }
+
+    fn gender(&self) -> Gender {
+        Gender::Neutral
+    }
+}
+
+/// Seconds of each step on frames, in all (`step`) and by phase.
+#[derive(Default)]
+pub struct Timings(BTreeMap<String, Vec<f64>>);
+
+impl Observer for Timings {
+    fn event(&mut self, event: Event<'_>) {
+        if let Event::Step { record, .. } = event
+            && record.stage == Stage::Frames
+        {
+            self.0.entry("step".into()).or_default().push(record.seconds);
+            for (phase, seconds) in &record.split {
+                self.0.entry((*phase).into()).or_default().push(*seconds);
+            }
+        }
+    }
+}
+
+/// Measures the case that the parent process names.
+pub fn child(case: &str) -> Result<(), Box<dyn std::error::Error>> {
+    let settings: Vec<(String, String)> =
+        case.split(';').filter_map(|setting| setting.split_once('=')).map(|(k, v)| (k.into(), v.into())).collect();
+    let config = Config::preset_with(PRESET, &settings)?;
+    let subject = BuiltInSubject::new()?;
+    let (source, folder, mut timings) = (OneFrame::of(&subject)?, tempfile::tempdir()?, Timings::default());
+    let (model, labels) = (subject.model(), subject.part_labels());
+    let mut trainer = Trainer::start(&config, &source, model, labels, folder.path(), &mut timings)?;
+    trainer.run(&AtomicBool::new(false), &mut timings)?;
+    let Timings(mut measured) = timings;
+    measured.extend(peak_mebibytes().map(|peak| ("peak_mib".to_owned(), vec![peak])));
+    println!("{}", serde_json::to_string(&measured)?);
+    Ok(())
+}
+
+/// Largest resident memory of this process so far, MiB; unknown where the system does not say.
+fn peak_mebibytes() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kibibytes| kibibytes / 1024.0)
+}
+
+/// Runs one case in a process of its own.
+fn run(settings: &str, threads: Option<&str>) -> Result<BTreeMap<String, Vec<f64>>, Box<dyn std::error::Error>> {
+    let mut command = Command::new(std::env::current_exe()?);
+    command.env(CASE, format!("{SETTINGS};{settings}")).stderr(Stdio::inherit());
+    if let Some(threads) = threads {
+        command.env("RAYON_NUM_THREADS", threads);
+    }
+    let output = command.output()?;
+    if !output.status.success() {
+        return Err(format!("the case {settings:?} ended with {}", output.status).into());
+    }
+    Ok(serde_json::from_slice(&output.stdout)?)
+}
+
+/// Measures a step of the preset, then what changes its cost.
+pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
+    report.section("one step of paper-scan, one frame, P = 6000");
+    // Pretrained a little: a body to search on, as any real step has.
+    let mut measured = run("schedule.pretraining_steps=10;schedule.steps=6", None)?;
+    if let Some(peak) = measured.remove("peak_mib") {
+        report.number("paper_scan_step_peak_mib", peak[0], "MiB");
+    }
+    let step = measured.remove("step").ok_or("no step was measured")?;
+    report.seconds("paper_scan_step_s", &step.into());
+    for (phase, seconds) in measured {
+        report.seconds(&format!("paper_scan_step_{phase}_s"), &seconds.into());
+    }
+    for (name, settings, threads) in VARIANTS {
+        let mut measured = run(&format!("schedule.pretraining_steps=10;schedule.steps=3;{settings}"), threads)?;
+        let step: Seconds = measured.remove("step").ok_or("no step was measured")?.into();
+        report.seconds(name, &step);
+    }
+    Ok(())
+}

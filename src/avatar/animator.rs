@@ -1,0 +1,173 @@
+//! An avatar made ready for many poses: what no pose changes is made once.
+//!
+//! Every frame's surface is that of the union of all correspondences (thesis eq. 4.4-4.6), so that nothing is hidden in it. Most
+//! of the time goes to the search: lattice points out of the registered body's reach are outside without one, and the mesh's
+//! vertices take their canonical points from the lattice points they lie between.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+
+use glam::Vec3;
+use rayon::prelude::*;
+use xavatar_deformer::{BakedWeights, StartGroups};
+
+use super::shading::{Posing, shade};
+use super::{Avatar, Extraction};
+use crate::body::{BodyModel, BodyParameters, PartLabels, Registration};
+use crate::canonical_grid::CanonicalGrid;
+use crate::config::SkinningSettings;
+use crate::correspondence::{Correspondence, PosedField, PosedWarp, bake, bone_rows, part_label, union_start_groups};
+use crate::fields::{Skinning, condition};
+use crate::mesh::{Component, ExtractedSurface, extract, largest_component};
+use crate::{Error, Result};
+
+/// Points farther than this from the registered body are outside without a search, metres.
+const REACH: f32 = 0.25;
+/// Two neighbours' canonical points are on one sheet of the body if they are less than this many lattice edges apart.
+const SHEET: f32 = 4.0;
+
+/// An avatar with all that its poses share: the body model, the baked skinning weights, the search's starts.
+pub struct Animator<'a> {
+    avatar: &'a Avatar,
+    body: &'a BodyModel,
+    labels: &'a PartLabels,
+    groups: StartGroups,
+    baked: Option<BakedWeights<f32>>,
+    /// The avatar's skinning field; on a grid, with the starts that can be left out.
+    skinning: Skinning<f32>,
+    grid: Option<CanonicalGrid>,
+}
+
+impl<'a> Animator<'a> {
+    /// Makes `avatar` ready to be posed by `body`, whose vertices' parts are `labels`.
+    ///
+    /// # Errors
+    /// If the skinning field cannot be baked on the configured grid.
+    pub fn new(avatar: &'a Avatar, body: &'a BodyModel, labels: &'a PartLabels) -> Result<Self> {
+        let groups = union_start_groups(avatar.config.starts)?;
+        let baked = bake(&avatar.fields.skinning, avatar.config.searched_field, avatar.subject.bounds)?;
+        let mut skinning = avatar.fields.skinning.clone();
+        let mut grid = None;
+        if let (SkinningSettings::Voxels(shape), Skinning::Voxels(voxels)) =
+            (&avatar.config.fields.skinning, &mut skinning)
+        {
+            let canonical = CanonicalGrid::new(body, labels, &avatar.subject.betas, *shape)?;
+            canonical.prune_starts(voxels, &groups)?;
+            grid = Some(canonical);
+        }
+        Ok(Self { avatar, body, labels, groups, baked, skinning, grid })
+    }
+
+    /// The surface posed by `parameters`, in the avatar's own shape: without hidden surfaces; in the world. `resolution` cells
+    /// along the longest side of the box around the posed body.
+    ///
+    /// # Errors
+    /// As [`Avatar::extract_canonical`], and if the parameters do not fit the body model.
+    pub fn extract(&self, parameters: &BodyParameters, resolution: usize) -> Result<Extraction> {
+        let Avatar { fields, config, subject, .. } = self.avatar;
+        let parameters = BodyParameters { betas: subject.betas, ..parameters.clone() };
+        let vertices: Vec<Vec3> =
+            self.body.pose(&parameters)?.vertices.iter().map(|vertex| *vertex - parameters.transl).collect();
+        let embedded = fields.geometry.mlp.embed(&condition(&parameters));
+        let bones = bone_rows(&self.body.canonical_to_posed(&parameters)?);
+        let offsets = match &self.grid {
+            Some(grid) => Some(grid.node_offsets(&self.body.canonical_offsets(&parameters)?)),
+            None => None,
+        };
+        let warp = PosedWarp::new(&self.skinning, self.baked.as_ref(), &bones, offsets.as_deref())?;
+        let posed = PosedField {
+            fields,
+            bones: &bones,
+            embedded: &embedded,
+            groups: &self.groups,
+            settings: &config.search,
+            warp: &warp,
+            bounds: subject.bounds,
+        };
+        let queries = Queries {
+            posed,
+            registration: Registration::new(&vertices, self.labels)?,
+            roots: Mutex::default(),
+            failure: Mutex::default(),
+        };
+        let corner = |fold: fn(Vec3, Vec3) -> Vec3| vertices.iter().copied().reduce(fold).unwrap_or_default();
+        let (minimum, maximum) = (corner(Vec3::min) - REACH, corner(Vec3::max) + REACH);
+        let extracted =
+            extract(&|points, values| queries.values(points, values), self.avatar.grid(minimum, maximum, resolution));
+        let roots = queries.finish()?;
+        let ExtractedSurface { mesh, edges } = extracted?;
+        let Component { mut mesh, vertices, others } = largest_component(&mesh);
+        let canonical: Vec<[f32; 3]> = mesh
+            .vertices
+            .iter()
+            .zip(&vertices)
+            .map(|(vertex, index)| canonical_guess(*vertex, edges[*index as usize], &roots))
+            .collect();
+        shade(fields, &embedded, &Posing::Deformed(&warp), &canonical, &mut mesh)?;
+        mesh.vertices.iter_mut().for_each(|vertex| *vertex += parameters.transl);
+        Ok(Extraction { mesh, dropped_components: others })
+    }
+}
+
+/// Canonical points by deformed point, bit for bit.
+type Roots = HashMap<[u32; 3], Vec3>;
+
+/// One frame's field on the extraction's lattice.
+struct Queries<'a> {
+    posed: PosedField<'a>,
+    registration: Registration<'a>,
+    /// Of every point that has one, the winning canonical point.
+    roots: Mutex<Roots>,
+    /// The first error of a search; the extraction knows values only.
+    failure: Mutex<Option<Error>>,
+}
+
+impl Queries<'_> {
+    /// Writes the values at points (N): the union's, or outside.
+    fn values(&self, points: &[Vec3], values: &mut [f32]) {
+        values.fill(self.posed.fields.geometry.representation.outside());
+        match self.correspondences(points) {
+            Ok(found) => {
+                let mut roots = self.roots.lock().unwrap_or_else(PoisonError::into_inner);
+                for (index, found) in found {
+                    values[index] = found.value;
+                    roots.insert(key(points[index]), Vec3::from_array(found.canonical));
+                }
+            }
+            Err(error) => {
+                self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            }
+        }
+    }
+
+    /// The winning correspondences of those points that have one.
+    fn correspondences(&self, points: &[Vec3]) -> Result<Vec<(usize, Correspondence)>> {
+        let nearest: Vec<_> = points.par_iter().map(|point| self.registration.nearest(*point)).collect();
+        let near: Vec<usize> = (0..points.len()).filter(|index| nearest[*index].1 < REACH).collect();
+        let targets: Vec<_> = near.iter().map(|index| points[*index].to_array()).collect();
+        let labels: Vec<_> = near.iter().map(|index| part_label(nearest[*index].0)).collect();
+        let found = self.posed.correspondences(&targets, &labels)?;
+        Ok(near.into_iter().zip(found).filter_map(|(index, found)| Some((index, found?))).collect())
+    }
+
+    fn finish(self) -> Result<Roots> {
+        match self.failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            Some(error) => Err(error),
+            None => Ok(self.roots.into_inner().unwrap_or_else(PoisonError::into_inner)),
+        }
+    }
+}
+
+fn key(point: Vec3) -> [u32; 3] {
+    point.to_array().map(f32::to_bits)
+}
+
+/// About where a vertex on a lattice edge came from: between the canonical points of the edge's ends if they are on one sheet of
+/// the body, else at the inside one's.
+fn canonical_guess(vertex: Vec3, [inside, outside]: [Vec3; 2], roots: &Roots) -> [f32; 3] {
+    let length = inside.distance(outside);
+    // An inside point has a value of its own, so a correspondence.
+    let from = roots.get(&key(inside)).copied().unwrap_or(vertex);
+    let to = roots.get(&key(outside)).filter(|to| to.distance(from) < SHEET * length).copied().unwrap_or(from);
+    from.lerp(to, inside.distance(vertex) / length).to_array()
+}

@@ -1,0 +1,148 @@
+//! One canonical mesh, skinned forward to every pose: x_d = sum_j w_j(x_c) B_j (x_c + o), its faces the same in all frames.
+//!
+//! Weights, their gradients and the fields' colours are evaluated once, so that a frame costs a blend a vertex. The surface is
+//! that under the zero condition, which training has seen as often as `fields.condition_dropout` says. What a pose hides, as
+//! where a hand lies on the hip, is still in the mesh: for pictures and metrics extract every pose with [`super::Animator`].
+//! V vertices, J joints; metres.
+
+use glam::Vec3;
+use rayon::prelude::*;
+use xavatar_deformer::{BoneTransform, GradientSide};
+use xavatar_deformer::{Jacobian, blend_transforms, deform, deformed_normals, skinning_jacobians};
+
+use super::{Avatar, BLOCK_ROWS, arrays};
+use crate::Result;
+use crate::body::{BodyModel, BodyParameters, JOINTS};
+use crate::canonical_grid::BodyPlaces;
+use crate::correspondence::bone_rows;
+use crate::fields::CONDITION;
+use crate::mesh::TriangleMesh;
+
+/// A canonical mesh that is skinned from frame to frame.
+pub struct FixedTopology<'a> {
+    body: &'a BodyModel,
+    betas: [f32; 10],
+    /// The canonical mesh, with normals and colours.
+    canonical: TriangleMesh,
+    points: Vec<[f32; 3]>,
+    /// Where on the body its offsets are taken; none if the avatar was trained without them.
+    places: Option<BodyPlaces>,
+    normals: Vec<[f32; 3]>,
+    /// Skinning weights (V, J).
+    weights: Vec<f32>,
+    /// Their derivatives along x, y and z (V, 3, J).
+    gradients: Vec<f32>,
+    dropped_components: usize,
+}
+
+impl<'a> FixedTopology<'a> {
+    /// Extracts the canonical surface with `resolution` cells along the longest side, and its skinning.
+    ///
+    /// # Errors
+    /// As [`Avatar::extract_canonical`].
+    pub fn new(avatar: &Avatar, body: &'a BodyModel, resolution: usize) -> Result<Self> {
+        let extraction = avatar.canonical_surface(&[0.0; CONDITION], resolution)?;
+        let canonical = extraction.mesh;
+        let points = arrays(&canonical.vertices);
+        let normals = arrays(canonical.normals.as_deref().unwrap_or_default());
+        let (mut weights, mut gradients) = (vec![0.0; points.len() * JOINTS], vec![0.0; 3 * points.len() * JOINTS]);
+        let rows = weights.par_chunks_mut(BLOCK_ROWS * JOINTS).zip(gradients.par_chunks_mut(3 * BLOCK_ROWS * JOINTS));
+        points.par_chunks(BLOCK_ROWS).zip(rows).for_each_init(
+            Default::default,
+            |workspace, (points, (weights, gradients))| {
+                avatar.fields.skinning.weights_and_gradients(workspace, points, weights, gradients);
+            },
+        );
+        let places = match avatar.fields.skinning.voxels() {
+            Some(_) => Some(BodyPlaces::nearest(body, &avatar.subject.betas, &canonical.vertices)?.0),
+            None => None,
+        };
+        let (betas, dropped_components) = (avatar.subject.betas, extraction.dropped_components);
+        Ok(Self { body, betas, canonical, points, places, normals, weights, gradients, dropped_components })
+    }
+
+    /// The canonical mesh (V), with the normals and colours of the canonical pose.
+    pub fn canonical(&self) -> &TriangleMesh {
+        &self.canonical
+    }
+
+    /// Smaller components of the canonical surface that were left out.
+    pub fn dropped_components(&self) -> usize {
+        self.dropped_components
+    }
+
+    /// The mesh posed by `parameters`, in the avatar's own shape and in the world. It has the faces and colours of the canonical
+    /// mesh.
+    ///
+    /// # Errors
+    /// If the parameters do not fit the body model.
+    pub fn pose(&self, parameters: &BodyParameters) -> Result<TriangleMesh> {
+        let parameters = BodyParameters { betas: self.betas, ..parameters.clone() };
+        let bones = bone_rows(&self.body.canonical_to_posed(&parameters)?);
+        let mut points = self.points.clone();
+        if let Some(places) = &self.places {
+            let offsets = places.offsets(&self.body.canonical_offsets(&parameters)?);
+            points.as_flattened_mut().iter_mut().zip(offsets.as_flattened()).for_each(|(point, offset)| *point += offset);
+        }
+        let mut vertices = vec![Vec3::ZERO; points.len()];
+        let mut normals = vec![Vec3::ZERO; points.len()];
+        let places = vertices.par_chunks_mut(BLOCK_ROWS).zip(normals.par_chunks_mut(BLOCK_ROWS));
+        places.enumerate().try_for_each_init(Skinner::default, |skinner, (block, (vertices, normals))| {
+            skinner.skin(&self.block(&points, block), &bones)?;
+            for (vertex, deformed) in vertices.iter_mut().zip(&skinner.deformed) {
+                *vertex = Vec3::from_array(*deformed) + parameters.transl;
+            }
+            for (normal, deformed) in normals.iter_mut().zip(&skinner.normals) {
+                *normal = Vec3::from_array(*deformed);
+            }
+            Ok::<(), crate::Error>(())
+        })?;
+        let TriangleMesh { faces, colouring, .. } = self.canonical.clone();
+        Ok(TriangleMesh { vertices, faces, normals: Some(normals), colouring })
+    }
+
+    fn block<'b>(&'b self, points: &'b [[f32; 3]], block: usize) -> Block<'b> {
+        let first = block * BLOCK_ROWS;
+        let rows = first..(first + BLOCK_ROWS).min(points.len());
+        Block {
+            points: &points[rows.clone()],
+            normals: &self.normals[rows.clone()],
+            weights: &self.weights[rows.start * JOINTS..rows.end * JOINTS],
+            gradients: &self.gradients[3 * rows.start * JOINTS..3 * rows.end * JOINTS],
+        }
+    }
+}
+
+/// Consecutive vertices and their skinning.
+struct Block<'a> {
+    points: &'a [[f32; 3]],
+    normals: &'a [[f32; 3]],
+    weights: &'a [f32],
+    gradients: &'a [f32],
+}
+
+/// One thread's memory while it skins.
+#[derive(Default)]
+struct Skinner {
+    transforms: Vec<BoneTransform<f32>>,
+    jacobians: Vec<Jacobian<f32>>,
+    deformed: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+}
+
+impl Skinner {
+    /// Canonical vertices -> blended transforms -> deformed vertices and normals.
+    fn skin(&mut self, block: &Block, bones: &[BoneTransform<f32>]) -> Result<()> {
+        let count = block.points.len();
+        self.transforms.resize(count, [0.0; 12]);
+        self.jacobians.resize(count, [[0.0; 3]; 3]);
+        self.deformed.resize(count, [0.0; 3]);
+        self.normals.resize(count, [0.0; 3]);
+        let points = block.points;
+        blend_transforms(block.weights, bones, &mut self.transforms)?;
+        deform(&self.transforms, points, &mut self.deformed)?;
+        skinning_jacobians(&self.transforms, block.gradients, bones, points, &mut self.jacobians)?;
+        deformed_normals(block.normals, &self.jacobians, GradientSide::Outward, &mut self.normals)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,186 @@
+//! What each part of the method is worth: the ablations of the thesis (table 5.1), as settings and as a table.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::metrics::{FrameMetrics, PartMetrics};
+
+/// A variant of the method.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ablation {
+    /// Nothing taken away.
+    Full,
+    /// A1: the search starts from the body's bones alone.
+    BodyStarts,
+    /// A2: the search starts from all bones.
+    AllStarts,
+    /// A3: points drawn uniformly by area.
+    UniformSampling,
+    /// A4: nothing holds the skinning weights.
+    FreeWeights,
+}
+
+impl Ablation {
+    /// All variants, in the order of the table.
+    pub const ALL: [Self; 5] =
+        [Self::Full, Self::BodyStarts, Self::AllStarts, Self::UniformSampling, Self::FreeWeights];
+
+    /// The row's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::BodyStarts => "A1 body-bone starts",
+            Self::AllStarts => "A2 all starts",
+            Self::UniformSampling => "A3 uniform sampling",
+            Self::FreeWeights => "A4 no weight losses",
+        }
+    }
+
+    /// The name of its run's folder.
+    pub fn folder(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::BodyStarts => "a1-body-starts",
+            Self::AllStarts => "a2-all-starts",
+            Self::UniformSampling => "a3-uniform-sampling",
+            Self::FreeWeights => "a4-free-weights",
+        }
+    }
+
+    /// What differs from the full method, for [`Config::preset_with`](crate::config::Config::preset_with).
+    pub fn settings(self) -> &'static [(&'static str, &'static str)] {
+        match self {
+            Self::Full => &[],
+            Self::BodyStarts => &[("starts", "body")],
+            Self::AllStarts => &[("starts", "all")],
+            Self::UniformSampling => &[("sampling.strategy", "uniform")],
+            Self::FreeWeights => &[("losses.joint", "0"), ("losses.surface", "0"), ("losses.volume", "0")],
+        }
+    }
+}
+
+/// One variant's training and metrics.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AblationRow {
+    /// The variant.
+    pub ablation: Ablation,
+    /// Steps on frames that it was trained for.
+    pub steps: u64,
+    /// Mean wall time of such a step.
+    pub seconds_per_step: Option<f64>,
+    /// Frames it was measured on.
+    pub frames: usize,
+    /// The mean of the metrics over those frames.
+    pub mean: FrameMetrics,
+}
+
+/// The variants side by side. `Display` prints it for a terminal, [`AblationTable::markdown`] for a document.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct AblationTable {
+    /// One row a variant.
+    pub rows: Vec<AblationRow>,
+}
+
+const PARTS: [&str; 3] = ["All", "Hands", "Face"];
+
+impl AblationRow {
+    fn parts(&self) -> [Option<PartMetrics>; 3] {
+        [self.mean.all, self.mean.hands, self.mean.face]
+    }
+
+    fn seconds(&self) -> String {
+        self.seconds_per_step.map_or_else(|| "-".into(), |seconds| format!("{seconds:.3}"))
+    }
+}
+
+/// CD, CD-MAX, NC and IoU as text.
+fn values(metrics: Option<PartMetrics>) -> [String; 4] {
+    match metrics {
+        Some(PartMetrics { cd_mm, cd_max_mm, nc, iou, .. }) => {
+            [format!("{cd_mm:.2}"), format!("{cd_max_mm:.2}"), format!("{nc:.3}"), format!("{iou:.3}")]
+        }
+        None => std::array::from_fn(|_| "-".into()),
+    }
+}
+
+impl AblationTable {
+    /// The table in Markdown; distances in millimetres.
+    pub fn markdown(&self) -> String {
+        let columns =
+            PARTS.iter().flat_map(|part| ["CD", "CD-MAX", "NC", "IoU"].map(|value| format!("{part} {value}")));
+        let head: Vec<String> =
+            ["variant".to_owned()].into_iter().chain(columns).chain(["steps".into(), "s/step".into()]).collect();
+        let rule = vec!["---".to_owned(); head.len()];
+        let rows = self.rows.iter().map(|row| {
+            let metrics = row.parts().into_iter().flat_map(values);
+            let ends = [row.steps.to_string(), row.seconds()];
+            [row.ablation.name().to_owned()].into_iter().chain(metrics).chain(ends).collect()
+        });
+        [head, rule].into_iter().chain(rows).map(|cells| format!("| {} |\n", cells.join(" | "))).collect()
+    }
+}
+
+impl fmt::Display for AblationTable {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{:<20}", "")?;
+        PARTS.iter().try_for_each(|part| write!(formatter, " | {part:^29}"))?;
+        writeln!(formatter, " | {:>15}", "")?;
+        write!(formatter, "{:<20}", "variant")?;
+        for _ in PARTS {
+            write!(formatter, " | {:>7} {:>9} {:>5} {:>5}", "CD mm", "CD-MAX mm", "NC", "IoU")?;
+        }
+        writeln!(formatter, " | {:>7} {:>7}", "steps", "s/step")?;
+        for row in &self.rows {
+            write!(formatter, "{:<20}", row.ablation.name())?;
+            for metrics in row.parts() {
+                let [cd, maximum, nc, iou] = values(metrics);
+                write!(formatter, " | {cd:>7} {maximum:>9} {nc:>5} {iou:>5}")?;
+            }
+            writeln!(formatter, " | {:>7} {:>7}", row.steps, row.seconds())?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Config, SamplingStrategy, Starts};
+    use crate::evaluate::Parts;
+
+    #[test]
+    fn each_variant_differs_from_the_full_method_in_its_settings_alone() {
+        let config = |ablation: Ablation| {
+            let settings: Vec<_> =
+                ablation.settings().iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+            Config::preset_with("quick", &settings).unwrap()
+        };
+        let full = config(Ablation::Full);
+        assert_eq!(config(Ablation::BodyStarts), Config { starts: Starts::Body, ..full.clone() });
+        assert_eq!(config(Ablation::AllStarts), Config { starts: Starts::All, ..full.clone() });
+        let mut uniform = full.clone();
+        uniform.sampling.strategy = SamplingStrategy::Uniform;
+        assert_eq!(config(Ablation::UniformSampling), uniform);
+        let mut free = full.clone();
+        (free.losses.joint, free.losses.surface, free.losses.volume) = (0.0, 0.0, 0.0);
+        assert_eq!(config(Ablation::FreeWeights), free);
+    }
+
+    #[test]
+    fn both_tables_stand_in_columns() {
+        let part = PartMetrics { cd_mm: 1.25, cd_max_mm: 40.5, nc: 0.975, iou: 0.98, iou_box: 0.9 };
+        let mean = Parts { all: Some(part), hands: Some(part), face: None };
+        let row = |ablation| AblationRow { ablation, steps: 6000, seconds_per_step: Some(0.25), frames: 10, mean };
+        let table = AblationTable { rows: Ablation::ALL.map(row).to_vec() };
+        let printed = table.to_string();
+        let mut widths = printed.lines().map(|line| line.chars().count());
+        let first = widths.next().unwrap();
+        assert!(widths.all(|width| width == first), "{printed}");
+        let markdown = table.markdown();
+        assert_eq!(markdown.lines().count(), 7);
+        assert!(markdown.lines().all(|line| line.matches('|').count() == 16), "{markdown}");
+        assert!(markdown.contains("| A1 body-bone starts | 1.25 | 40.50 | 0.975 | 0.980 |"), "{markdown}");
+    }
+}
