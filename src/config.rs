@@ -151,6 +151,12 @@ pub enum HandSupervision {
 pub struct SamplingSettings {
     /// P: shares of it go to body, face and hands.
     pub points: usize,
+    /// Share of P on the body (thesis: 1/3).
+    pub body_share: f64,
+    /// Share of P on the face, half of it around eyes and mouth (thesis: 1/3).
+    pub face_share: f64,
+    /// Share of P on each hand (thesis: 1/8).
+    pub hand_share: f64,
     /// Further points drawn uniformly in the cube of `extent`.
     pub uniform_points: usize,
     /// Canonical points drawn in the canonical box, kept where the body model alone decides between inside and outside.
@@ -313,6 +319,13 @@ impl Config {
         positive("sampling.deviation", self.sampling.deviation.into())?;
         within("sampling.points", self.sampling.points as f64, 1e7)?;
         positive("sampling.points", self.sampling.points as f64)?;
+        for (name, share) in [
+            ("sampling.body_share", self.sampling.body_share),
+            ("sampling.face_share", self.sampling.face_share),
+            ("sampling.hand_share", self.sampling.hand_share),
+        ] {
+            within(name, share, 1.0)?;
+        }
         positive("losses.truncation", self.losses.truncation)?;
         positive("schedule.checkpoint_steps", self.schedule.checkpoint_steps as f64)?;
         positive("schedule.checkpoints_kept", self.schedule.checkpoints_kept as f64)?;

@@ -93,7 +93,7 @@ impl<'a> PreparedFrame<'a> {
     }
 }
 
-/// Shares of P (METHOD section 4): body 1/3, face 1/3 of which half around eyes and mouth, each hand 1/8.
+/// The parts' shares of P (METHOD section 4); half of the face's is around eyes and mouth.
 fn regions(
     scan: &TriangleMesh,
     body: &TriangleMesh,
@@ -103,7 +103,8 @@ fn regions(
 ) -> Result<Vec<Region>> {
     if settings.strategy == SamplingStrategy::Uniform {
         let sampler = SurfaceSampler::new(scan, None)?;
-        return Ok(vec![Region { source: Source::Scan, part: Part::Body, share: 11.0 / 12.0, sampler }]);
+        let share = settings.body_share + settings.face_share + 2.0 * settings.hand_share;
+        return Ok(vec![Region { source: Source::Scan, part: Part::Body, share, sampler }]);
     }
     let nearest: Vec<usize> = (0..scan.faces.len() as u32)
         .map(|face| registration.nearest_vertex(scan.corners(face).into_iter().sum::<Vec3>() / 3.0))
@@ -117,16 +118,16 @@ fn regions(
     };
     let of_part = |part: Part| scan_faces(&|vertex| labels.parts[vertex] == part);
     let mut wanted = vec![
-        (Source::Scan, Part::Body, 1.0 / 3.0, of_part(Part::Body)),
-        (Source::Scan, Part::Face, 1.0 / 6.0, of_part(Part::Face)),
-        (Source::Scan, Part::Face, 1.0 / 6.0, scan_faces(&|vertex| labels.eyes_mouth[vertex])),
+        (Source::Scan, Part::Body, settings.body_share, of_part(Part::Body)),
+        (Source::Scan, Part::Face, settings.face_share / 2.0, of_part(Part::Face)),
+        (Source::Scan, Part::Face, settings.face_share / 2.0, scan_faces(&|vertex| labels.eyes_mouth[vertex])),
     ];
     for part in [Part::LeftHand, Part::RightHand] {
         let (source, faces) = match settings.hand_supervision {
             HandSupervision::Registration => (Source::Registration, body_faces(part)),
             HandSupervision::Scan => (Source::Scan, of_part(part)),
         };
-        wanted.push((source, part, 1.0 / 8.0, faces));
+        wanted.push((source, part, settings.hand_share, faces));
     }
     // A part that the frame does not show contributes nothing.
     wanted.retain(|(.., faces)| !faces.is_empty());

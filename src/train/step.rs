@@ -6,9 +6,11 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::Vec3;
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use xavatar_deformer::{Candidates, SearchStatistics};
 use xavatar_network::Representation;
 
@@ -26,6 +28,8 @@ use crate::{Error, Result};
 
 /// Vertices of hands and face whose weights are supervised at each step.
 const WEIGHT_POINTS: usize = 1024;
+/// Cells of the Z-order curve along the longest side of the canonical box.
+const CURVE_CELLS: f32 = 1023.0;
 /// Spread of the Eikonal points around canonical vertices, metres (METHOD section 5).
 const EIKONAL_SPREAD: f32 = 0.05;
 
@@ -197,8 +201,7 @@ impl<'a> Trainer<'a> {
             implicit_gradient: true,
             ..CanonicalBatch::default()
         };
-        for (index, winner) in assigned_on.iter().enumerate() {
-            let Some(winner) = *winner else { continue };
+        for (winner, index) in self.in_spatial_order(assigned_on, &found) {
             batch.on_points.push(found.points[winner]);
             batch.on_normals.push(samples.on_normals[index]);
             batch.on_colours.push(samples.on_colours[index]);
@@ -207,15 +210,12 @@ impl<'a> Trainer<'a> {
             Representation::Occupancy => target > 0.5,
             Representation::SignedDistance => target < 0.0,
         };
-        for (winner, target) in assigned_off.iter().zip(samples.off_targets) {
-            match *winner {
-                Some(winner) => {
-                    batch.off_points.push(found.points[winner]);
-                    batch.off_targets.push(target);
-                }
-                None => record.inside_without_root += usize::from(inside(target)),
-            }
+        for (winner, index) in self.in_spatial_order(assigned_off, &found) {
+            batch.off_points.push(found.points[winner]);
+            batch.off_targets.push(samples.off_targets[index]);
         }
+        let lost = assigned_off.iter().zip(&samples.off_targets).filter(|(winner, _)| winner.is_none());
+        record.inside_without_root += lost.filter(|(_, target)| inside(**target)).count();
         self.canonical.anchor(WEIGHT_POINTS, &mut random, &mut batch);
         let count = self.config.sampling.far_points;
         self.canonical.far(count, fields.geometry.representation, &mut random, &mut batch);
@@ -224,6 +224,21 @@ impl<'a> Trainer<'a> {
             batch.eikonal_points = self.canonical.around(count, EIKONAL_SPREAD, &mut random);
         }
         Ok(batch)
+    }
+
+    /// The candidates that points are trained through, with the points' places, neighbours in space near each other: a grid's
+    /// entries are then still in the cache when the next point needs them.
+    fn in_spatial_order(&self, assigned: &[Option<usize>], found: &Candidates<f32>) -> Vec<(usize, usize)> {
+        let (low, high) = self.subject.bounds;
+        let scale = CURVE_CELLS / (high - low).max_element();
+        let key = |winner: usize| {
+            let cell = ((Vec3::from_array(found.points[winner]) - low) * scale).as_uvec3();
+            spread_bits(cell.x) | spread_bits(cell.y) << 1 | spread_bits(cell.z) << 2
+        };
+        let places = assigned.iter().enumerate().filter_map(|(index, winner)| Some(((*winner)?, index)));
+        let mut keyed: Vec<_> = places.map(|(winner, index)| (key(winner), winner, index)).collect();
+        keyed.sort_unstable();
+        keyed.into_iter().map(|(_, winner, index)| (winner, index)).collect()
     }
 
     /// The candidate that each point is trained through.
@@ -235,13 +250,22 @@ impl<'a> Trainer<'a> {
                 posed.winners(candidates, |index, best| representation.prefers(values[index], values[best]))
             }
             Assignment::Body => {
-                let depths: Vec<f32> = candidates.points.iter().map(|point| self.canonical.distance(*point)).collect();
+                let depths: Vec<f32> = candidates.points.par_iter().map(|point| self.canonical.distance(*point)).collect();
                 let winners = posed.winners(candidates, |index, best| depths[index] < depths[best]);
                 let is_possible = |winner: &usize| depths[*winner] < CERTAINLY_OUTSIDE;
                 winners.into_iter().map(|winner| winner.filter(is_possible)).collect()
             }
         }
     }
+}
+
+/// Moves the lowest ten bits of a number to every third place, for a Z-order curve.
+fn spread_bits(number: u32) -> u32 {
+    let mut bits = number & 0x3ff;
+    for (shift, mask) in [(16, 0x0300_00ff), (8, 0x0300_f00f), (4, 0x030c_30c3), (2, 0x0924_9249)] {
+        bits = (bits | bits << shift) & mask;
+    }
+    bits
 }
 
 pub(super) fn add_time(record: &mut StepRecord, phase: &'static str, begin: Instant) {
