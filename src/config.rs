@@ -217,8 +217,10 @@ pub struct LossSettings {
 pub struct OptimiserSettings {
     /// Learning rate of the networks at the first step.
     pub learning_rate: f64,
-    /// That of hash grids.
+    /// That of the geometry's hash grid.
     pub grid_learning_rate: f64,
+    /// That of the texture's: colours are larger numbers than distances in metres.
+    pub colour_grid_learning_rate: f64,
     /// That of the skinning logits of a grid.
     pub voxel_learning_rate: f64,
     /// Share of it that is left at the last step, falling exponentially; 1 keeps it constant.
@@ -311,6 +313,7 @@ impl Config {
         };
         positive("optimiser.learning_rate", self.optimiser.learning_rate)?;
         positive("optimiser.grid_learning_rate", self.optimiser.grid_learning_rate)?;
+        positive("optimiser.colour_grid_learning_rate", self.optimiser.colour_grid_learning_rate)?;
         within("optimiser.voxel_learning_rate", self.optimiser.voxel_learning_rate, 1e3)?;
         positive("optimiser.clip", self.optimiser.clip)?;
         positive("optimiser.final_share", self.optimiser.final_share)?;

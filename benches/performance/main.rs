@@ -4,6 +4,7 @@
 //! Times are medians of several runs, the shortest beside them; one section a file. Rates of networks count the
 //! multiply-adds of matrix products only, two operations each, so that they compare with `gemm_gflops`.
 
+mod extraction;
 mod networks;
 mod report;
 mod search;
@@ -21,6 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     networks::measure(&mut report)?;
     search::measure(&mut report)?;
     steps::measure(&mut report)?;
+    extraction::measure(&mut report)?;
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/target/performance.json");
     report.save(path)?;
     println!("written to {path}");

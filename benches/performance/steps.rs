@@ -17,12 +17,10 @@ use crate::report::{Report, Seconds};
 /// The environment variable that makes this program measure one case: its settings, as `key=value` joined by semicolons.
 pub const CASE: &str = "XAVATAR_PERFORMANCE_CASE";
 
-const PRESET: &str = "paper-scan";
-
 /// What every case starts from.
 const SETTINGS: &str = "optimiser.batch_frames=1;schedule.preview_steps=0;losses.colour_from_epoch=0";
 
-/// Settings of the cases that the first is compared with, and their threads where not all.
+/// Settings of the cases that the first of paper-scan is compared with, and their threads where not all.
 const VARIANTS: [(&str, &str, Option<&str>); 6] = [
     ("paper_scan_step_3000_points_s", "sampling.points=3000", None),
     ("paper_scan_step_12000_points_s", "sampling.points=12000", None),
@@ -75,6 +73,9 @@ impl Observer for Timings {
             && record.stage == Stage::Frames
         {
             self.0.entry("step".into()).or_default().push(record.seconds);
+            if let Some(losses) = record.split.get("losses") {
+                self.0.entry("field_samples_per_s".into()).or_default().push(record.points as f64 / losses);
+            }
             for (phase, seconds) in &record.split {
                 self.0.entry((*phase).into()).or_default().push(*seconds);
             }
@@ -86,7 +87,8 @@ impl Observer for Timings {
 pub fn child(case: &str) -> Result<(), Box<dyn std::error::Error>> {
     let settings: Vec<(String, String)> =
         case.split(';').filter_map(|setting| setting.split_once('=')).map(|(k, v)| (k.into(), v.into())).collect();
-    let config = Config::preset_with(PRESET, &settings)?;
+    let (_, preset) = &settings[0];
+    let config = Config::preset_with(preset, &settings[1..])?;
     let subject = BuiltInSubject::new()?;
     let (source, folder, mut timings) = (OneFrame::of(&subject)?, tempfile::tempdir()?, Timings::default());
     let (model, labels) = (subject.model(), subject.part_labels());
@@ -106,34 +108,43 @@ fn peak_mebibytes() -> Option<f64> {
 }
 
 /// Runs one case in a process of its own.
-fn run(settings: &str, threads: Option<&str>) -> Result<BTreeMap<String, Vec<f64>>, Box<dyn std::error::Error>> {
+fn run(preset: &str, settings: &str, threads: Option<&str>) -> Result<BTreeMap<String, Vec<f64>>, Box<dyn std::error::Error>> {
     let mut command = Command::new(std::env::current_exe()?);
-    command.env(CASE, format!("{SETTINGS};{settings}")).stderr(Stdio::inherit());
+    command.env(CASE, format!("preset={preset};{SETTINGS};{settings}")).stderr(Stdio::inherit());
     if let Some(threads) = threads {
         command.env("RAYON_NUM_THREADS", threads);
     }
     let output = command.output()?;
     if !output.status.success() {
-        return Err(format!("the case {settings:?} ended with {}", output.status).into());
+        return Err(format!("the case {preset:?}, {settings:?} ended with {}", output.status).into());
     }
     Ok(serde_json::from_slice(&output.stdout)?)
 }
 
-/// Measures a step of the preset, then what changes its cost.
+/// Measures a step of each preset, then what changes the cost of a paper-scan step.
 pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
-    report.section("one step of paper-scan, one frame, P = 6000");
     // Pretrained a little: a body to search on, as any real step has.
-    let mut measured = run("schedule.pretraining_steps=10;schedule.steps=6", None)?;
-    if let Some(peak) = measured.remove("peak_mib") {
-        report.number("paper_scan_step_peak_mib", peak[0], "MiB");
+    for (preset, name, steps) in [
+        ("paper-scan", "paper_scan", "schedule.pretraining_steps=10;schedule.steps=6"),
+        ("fast", "fast", "schedule.pretraining_steps=40;schedule.steps=60"),
+    ] {
+        report.section(&format!("one step of {preset}, one frame, P = 6000"));
+        let mut measured = run(preset, steps, None)?;
+        if let Some(peak) = measured.remove("peak_mib") {
+            report.number(&format!("{name}_step_peak_mib"), peak[0], "MiB");
+        }
+        if let Some(rates) = measured.remove("field_samples_per_s") {
+            report.number(&format!("{name}_field_samples_per_s"), Seconds::from(rates).median(), "points/s in the losses");
+        }
+        let step = measured.remove("step").ok_or("no step was measured")?;
+        report.seconds(&format!("{name}_step_s"), &step.into());
+        for (phase, seconds) in measured {
+            report.seconds(&format!("{name}_step_{phase}_s"), &seconds.into());
+        }
     }
-    let step = measured.remove("step").ok_or("no step was measured")?;
-    report.seconds("paper_scan_step_s", &step.into());
-    for (phase, seconds) in measured {
-        report.seconds(&format!("paper_scan_step_{phase}_s"), &seconds.into());
-    }
+    report.section("what changes the cost of a step of paper-scan");
     for (name, settings, threads) in VARIANTS {
-        let mut measured = run(&format!("schedule.pretraining_steps=10;schedule.steps=3;{settings}"), threads)?;
+        let mut measured = run("paper-scan", &format!("schedule.pretraining_steps=10;schedule.steps=3;{settings}"), threads)?;
         let step: Seconds = measured.remove("step").ok_or("no step was measured")?.into();
         report.seconds(name, &step);
     }

@@ -356,12 +356,11 @@ impl<'a> Trainer<'a> {
         }
         let factor = (settings.clip / record.gradient_norm).min(1.0);
         let group = |rate: f64| ParameterGroup { settings: settings.adam, rate: decay * rate };
-        let update = NetworkUpdate {
-            network: group(settings.learning_rate),
-            grid: ParameterGroup { settings: settings.grid_adam, rate: decay * settings.grid_learning_rate },
-            factor,
-        };
-        for ((network, adam), gradient) in fields.networks_mut().into_iter().zip(adam.iter_mut()).zip(gradients) {
+        let of_grids = [settings.grid_learning_rate, settings.colour_grid_learning_rate, 0.0];
+        let networks = fields.networks_mut().into_iter().zip(of_grids);
+        for (((network, rate), adam), gradient) in networks.zip(adam.iter_mut()).zip(gradients) {
+            let grid = ParameterGroup { settings: settings.grid_adam, rate: decay * rate };
+            let update = NetworkUpdate { network: group(settings.learning_rate), grid, factor };
             adam.step_network(&update, gradient, network);
         }
         if let (Some(voxels), Some(adam)) = (fields.skinning.voxels_mut(), adam.last_mut()) {
