@@ -83,7 +83,8 @@ impl CanonicalGrid {
             .filter(|(low, high)| low.cmple(*high).all())
             .collect();
         let axis = |axis: usize| {
-            let finer: Vec<_> = detailed.iter().map(|(low, high)| (low[axis], high[axis], shape.fine_spacing)).collect();
+            let finer: Vec<_> =
+                detailed.iter().map(|(low, high)| (low[axis], high[axis], shape.fine_spacing)).collect();
             Axis::refined(low[axis], high[axis], shape.spacing, &finer)
         };
         let grid = Grid::new([axis(0)?, axis(1)?, axis(2)?])?;
@@ -114,9 +115,8 @@ impl CanonicalGrid {
     /// # Errors
     /// If `skinning` is on another grid.
     pub fn prune_starts(&self, skinning: &mut VoxelSkinning<f32>, groups: &StartGroups) -> Result<()> {
-        let is_near = |cell: usize| {
-            self.grid.cell_nodes(cell).iter().any(|node| self.distances[*node] < CERTAINLY_OUTSIDE)
-        };
+        let is_near =
+            |cell: usize| self.grid.cell_nodes(cell).iter().any(|node| self.distances[*node] < CERTAINLY_OUTSIDE);
         let matters: Vec<bool> = (0..self.grid.cells()).map(is_near).collect();
         Ok(skinning.prune_starts(groups, &matters)?)
     }

@@ -180,9 +180,7 @@ impl PosedField<'_> {
         let Self { groups, settings, .. } = *self;
         Ok(match self.warp {
             PosedWarp::Network(warp) => search(warp, groups, points, Some(labels), settings)?,
-            PosedWarp::Polished(fast, exact) => {
-                search_and_polish(fast, exact, groups, points, Some(labels), settings)?
-            }
+            PosedWarp::Polished(fast, exact) => search_and_polish(fast, exact, groups, points, Some(labels), settings)?,
             PosedWarp::Voxels(warp) => search(warp, groups, points, Some(labels), settings)?,
         })
     }

@@ -5,10 +5,10 @@ use std::sync::OnceLock;
 use glam::{DMat4, DVec3, Vec3};
 use xavatar::avatar::{Animator, Avatar, FixedTopology, Subject};
 use xavatar::body::{BodyParameters, Gender, JOINTS, PoseAxisAngle};
-use xavatar::config::Config;
-use xavatar::fields::{Fields, skeleton_parents};
+use xavatar::config::{Config, SkinningSettings};
+use xavatar::fields::{Fields, Skinning};
 use xavatar::mannequin::BuiltInSubject;
-use xavatar_network::{SkinningTrace, SkinningWeights};
+use xavatar_network::SkinningTrace;
 
 const RESOLUTION: usize = 32;
 
@@ -27,13 +27,14 @@ fn untrained() -> Avatar {
         ("fields.skinning.width", "32"),
     ];
     let settings: Vec<_> = small.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
-    let config = Config::preset_with("demo", &settings).unwrap();
-    let mut fields = Fields::new(&config.fields, &skeleton_parents()).unwrap();
-    fields.initialise(5);
+    let config = Config::preset_with("paper-scan", &settings).unwrap();
     let betas = subject().betas();
     let joints = subject().model().canonical_joints(&betas).unwrap().to_vec();
     // Larger than the ball, so that its surface is not cut off.
     let bounds = (Vec3::splat(-1.3), Vec3::splat(1.3));
+    let SkinningSettings::Network(shape) = &config.fields.skinning else { unreachable!("a paper preset") };
+    let mut fields = Fields::new(&config.fields, Skinning::network(shape).unwrap(), bounds).unwrap();
+    fields.initialise(5);
     let subject = Subject { gender: Gender::Neutral, betas, joints, bounds, frames: 0 };
     Avatar { fields, config, subject, steps: 0 }
 }

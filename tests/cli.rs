@@ -11,13 +11,13 @@ use xavatar::mesh::read_mesh;
 
 /// Networks and samples so small that a step takes milliseconds.
 const TINY: [&str; 9] = [
-    "fields.geometry.width=48",
-    "fields.geometry.frequencies=2",
-    "fields.texture.width=32",
-    "fields.texture.frequencies=1",
-    "fields.skinning.width=32",
+    "fields.geometry.width=16",
+    "fields.geometry.grid.log2_entries=10",
+    "fields.texture.width=16",
+    "fields.texture.grid.log2_entries=10",
+    "fields.skinning.spacing=0.12",
+    "fields.skinning.fine_spacing=0.06",
     "sampling.points=200",
-    "losses.eikonal_points=64",
     "schedule.pretraining_steps=40",
     "schedule.checkpoint_steps=5",
 ];
@@ -259,8 +259,11 @@ fn a_run_that_was_stopped_and_killed_ends_like_one_that_was_left_alone() {
     let (code, _) = interrupt(&resume, &broken, 75, "-KILL");
     assert_eq!(code, None, "killed in the middle");
     assert_outcome(&resume, 0, &["avatar.safetensors"]);
-    let parameters =
-        |run: &Path| Avatar::load(run).unwrap().fields.networks().map(|network| network.parameters().to_vec());
+    let parameters = |run: &Path| {
+        let fields = Avatar::load(run).unwrap().fields;
+        let networks: Vec<_> = fields.networks().iter().map(|network| network.parameters().to_vec()).collect();
+        (networks, fields.skinning.voxels().map(|voxels| voxels.parameters().to_vec()))
+    };
     assert!(parameters(&whole) == parameters(&broken), "the parameters differ");
     let steps = |run: &Path| std::fs::read_to_string(run.join("metrics.jsonl")).unwrap().lines().count();
     assert_eq!(steps(&whole), steps(&broken), "a step is noted once");

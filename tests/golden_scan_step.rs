@@ -1,11 +1,12 @@
 //! All loss terms and every parameter gradient of one training step against float64 vectors
 //! (`tests/golden/scan_step.safetensors`), in f64.
 
+use glam::Vec3;
 use std::collections::HashMap;
 
 use candle_core::{DType, Device, Tensor};
-use xavatar::config::{Config, FieldSettings, SkinningShape};
-use xavatar::fields::{CONDITION, Fields, skeleton_parents};
+use xavatar::config::{Config, FieldSettings, SkinningSettings, SkinningShape};
+use xavatar::fields::{CONDITION, Fields, Skinning};
 use xavatar::train::losses::{CanonicalBatch, LossEvaluator, WeightTargets};
 use xavatar_network::{GeometryShape, Mlp, Representation, TextureShape};
 
@@ -34,15 +35,16 @@ impl Golden {
 fn losses_and_gradients_match() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/scan_step.safetensors");
     let golden = Golden(candle_core::safetensors::load(path, &Device::Cpu).unwrap());
+    let skinning = SkinningShape { depth: 4, width: 64, frequencies: 0, blend: 20 };
     let settings = FieldSettings {
         representation: Representation::Occupancy,
         geometry: GeometryShape { depth: 8, width: 48, frequencies: 4, skip: Some(4), embedded: 16, grid: None },
         texture: TextureShape { depth: 8, width: 72, frequencies: 4, skip: Some(4), grid: None, normal: true },
-        skinning: SkinningShape { depth: 4, width: 64, frequencies: 0, blend: 20 },
+        skinning: SkinningSettings::Network(skinning.clone()),
         condition_dropout: 0.0,
     };
     let mut fields =
-        Fields::<f64>::new(&settings, &skeleton_parents(), (glam::Vec3::NEG_ONE, glam::Vec3::ONE)).unwrap();
+        Fields::<f64>::new(&settings, Skinning::network(&skinning).unwrap(), (Vec3::NEG_ONE, Vec3::ONE)).unwrap();
     let prefixes = ["shape", "texture", "skin"];
     for (network, prefix) in fields.networks_mut().into_iter().zip(prefixes) {
         let parameters = golden.parameters(prefix, network);

@@ -1,10 +1,11 @@
 //! The loss terms of signed distance fields, which no golden vector covers, against central differences in f64.
 
+use glam::Vec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use xavatar::body::JOINTS;
-use xavatar::config::{Config, FieldSettings, LossSettings, SkinningShape};
-use xavatar::fields::{CONDITION, Fields, skeleton_parents};
+use xavatar::config::{Config, FieldSettings, LossSettings, SkinningSettings, SkinningShape};
+use xavatar::fields::{CONDITION, Fields, Skinning};
 use xavatar::train::losses::{CanonicalBatch, LossEvaluator, WeightTargets};
 use xavatar_network::{GeometryShape, Representation, TextureShape};
 
@@ -53,11 +54,12 @@ fn batch(random: &mut ChaCha8Rng) -> CanonicalBatch<f64> {
 // out: its feature is detached, so the loss's difference is not its gradient.
 #[test]
 fn gradients_match_differences() {
+    let skinning = SkinningShape { depth: 2, width: 12, frequencies: 1, blend: 5 };
     let settings = FieldSettings {
         representation: Representation::SignedDistance,
         geometry: GeometryShape { depth: 3, width: 32, frequencies: 2, skip: Some(2), embedded: 3, grid: None },
         texture: TextureShape { depth: 2, width: 40, frequencies: 1, skip: Some(1), grid: None, normal: true },
-        skinning: SkinningShape { depth: 2, width: 12, frequencies: 1, blend: 5 },
+        skinning: SkinningSettings::Network(skinning.clone()),
         condition_dropout: 0.0,
     };
     let losses = LossSettings {
@@ -74,7 +76,7 @@ fn gradients_match_differences() {
     };
     let mut random = ChaCha8Rng::seed_from_u64(11);
     let mut fields =
-        Fields::<f64>::new(&settings, &skeleton_parents(), (glam::Vec3::NEG_ONE, glam::Vec3::ONE)).unwrap();
+        Fields::<f64>::new(&settings, Skinning::network(&skinning).unwrap(), (Vec3::NEG_ONE, Vec3::ONE)).unwrap();
     fields.initialise(11);
     let batch = batch(&mut random);
     let share = 0.5;
@@ -90,7 +92,7 @@ fn gradients_match_differences() {
         let scale = gradients[field].iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
         for index in (0..start.len()).step_by(13) {
             let mut total_at = |offset: f64| {
-                let networks = fields.networks_mut();
+                let mut networks = fields.networks_mut();
                 networks[field].update(|parameters| parameters[index] = start[index] + offset);
                 LossEvaluator::new(&fields, 1).accumulate(&fields, &batch, &losses, 1.0).unwrap()["total"]
             };

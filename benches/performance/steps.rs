@@ -108,7 +108,11 @@ fn peak_mebibytes() -> Option<f64> {
 }
 
 /// Runs one case in a process of its own.
-fn run(preset: &str, settings: &str, threads: Option<&str>) -> Result<BTreeMap<String, Vec<f64>>, Box<dyn std::error::Error>> {
+fn run(
+    preset: &str,
+    settings: &str,
+    threads: Option<&str>,
+) -> Result<BTreeMap<String, Vec<f64>>, Box<dyn std::error::Error>> {
     let mut command = Command::new(std::env::current_exe()?);
     command.env(CASE, format!("preset={preset};{SETTINGS};{settings}")).stderr(Stdio::inherit());
     if let Some(threads) = threads {
@@ -134,7 +138,11 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
             report.number(&format!("{name}_step_peak_mib"), peak[0], "MiB");
         }
         if let Some(rates) = measured.remove("field_samples_per_s") {
-            report.number(&format!("{name}_field_samples_per_s"), Seconds::from(rates).median(), "points/s in the losses");
+            report.number(
+                &format!("{name}_field_samples_per_s"),
+                Seconds::from(rates).median(),
+                "points/s in the losses",
+            );
         }
         let step = measured.remove("step").ok_or("no step was measured")?;
         report.seconds(&format!("{name}_step_s"), &step.into());
@@ -144,7 +152,8 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
     }
     report.section("what changes the cost of a step of paper-scan");
     for (name, settings, threads) in VARIANTS {
-        let mut measured = run("paper-scan", &format!("schedule.pretraining_steps=10;schedule.steps=3;{settings}"), threads)?;
+        let mut measured =
+            run("paper-scan", &format!("schedule.pretraining_steps=10;schedule.steps=3;{settings}"), threads)?;
         let step: Seconds = measured.remove("step").ok_or("no step was measured")?.into();
         report.seconds(name, &step);
     }

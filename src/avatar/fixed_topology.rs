@@ -82,7 +82,11 @@ impl<'a> FixedTopology<'a> {
         let mut points = self.points.clone();
         if let Some(places) = &self.places {
             let offsets = places.offsets(&self.body.canonical_offsets(&parameters)?);
-            points.as_flattened_mut().iter_mut().zip(offsets.as_flattened()).for_each(|(point, offset)| *point += offset);
+            points
+                .as_flattened_mut()
+                .iter_mut()
+                .zip(offsets.as_flattened())
+                .for_each(|(point, offset)| *point += offset);
         }
         let mut vertices = vec![Vec3::ZERO; points.len()];
         let mut normals = vec![Vec3::ZERO; points.len()];

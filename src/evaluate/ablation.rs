@@ -155,7 +155,7 @@ mod tests {
         let config = |ablation: Ablation| {
             let settings: Vec<_> =
                 ablation.settings().iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
-            Config::preset_with("quick", &settings).unwrap()
+            Config::preset_with("fast", &settings).unwrap()
         };
         let full = config(Ablation::Full);
         assert_eq!(config(Ablation::BodyStarts), Config { starts: Starts::Body, ..full.clone() });

@@ -17,7 +17,8 @@ use xavatar_deformer::{
     jacobians_backward, root_cotangents, skinning_jacobians,
 };
 use xavatar_network::{
-    Backward, Mlp, MlpGradient, Real, Representation, SkinningTrace, SkinningWeights, SummedGradient, TextureField, Trace,
+    Backward, Mlp, MlpGradient, Real, Representation, SkinningTrace, SkinningWeights, SummedGradient, TextureField,
+    Trace,
 };
 
 use crate::Result;

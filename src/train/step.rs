@@ -15,13 +15,13 @@ use xavatar_deformer::{Candidates, SearchStatistics};
 use xavatar_network::Representation;
 
 use super::losses::CanonicalBatch;
-use super::pretraining::CanonicalBody;
 use super::prepared::PreparedFrame;
+use super::pretraining::CanonicalBody;
 use super::sampling::{self, PosedSamples};
 use super::trainer::Trainer;
 use super::{Stage, StepRecord};
-use crate::config::{Assignment, Config, SearchedField};
 use crate::canonical_grid::CERTAINLY_OUTSIDE;
+use crate::config::{Assignment, Config, SearchedField};
 use crate::correspondence::{PosedField, PosedWarp, bake};
 use crate::fields::{CONDITION, Skinning};
 use crate::{Error, Result};
@@ -61,7 +61,8 @@ impl<'a> Order<'a> {
         let Self { place, epoch, frame, config, representation, mut random } = self;
         let dropped = random.random::<f64>() < config.fields.condition_dropout;
         let condition = if dropped { vec![0.0; CONDITION] } else { frame.condition.clone() };
-        let samples = sampling::draw(&frame, &config.sampling, representation, config.losses.truncation as f32, &mut random);
+        let samples =
+            sampling::draw(&frame, &config.sampling, representation, config.losses.truncation as f32, &mut random);
         Drawn { place, epoch, frame, condition, samples, random, seconds: begin.elapsed().as_secs_f64() }
     }
 }
@@ -250,7 +251,8 @@ impl<'a> Trainer<'a> {
                 posed.winners(candidates, |index, best| representation.prefers(values[index], values[best]))
             }
             Assignment::Body => {
-                let depths: Vec<f32> = candidates.points.par_iter().map(|point| self.canonical.distance(*point)).collect();
+                let depths: Vec<f32> =
+                    candidates.points.par_iter().map(|point| self.canonical.distance(*point)).collect();
                 let winners = posed.winners(candidates, |index, best| depths[index] < depths[best]);
                 let is_possible = |winner: &usize| depths[*winner] < CERTAINLY_OUTSIDE;
                 winners.into_iter().map(|winner| winner.filter(is_possible)).collect()

@@ -158,8 +158,7 @@ impl<'a> Trainer<'a> {
         let mut fields = Fields::new(&config.fields, skinning, canonical.bounds())?;
         fields.initialise(config.seed);
         let voxel_gradient = fields.skinning.voxels().map_or(Vec::new(), VoxelSkinning::zero_gradient);
-        let mut adam: Vec<_> =
-            fields.networks().iter().map(|network| Adam::new(network.parameters().len())).collect();
+        let mut adam: Vec<_> = fields.networks().iter().map(|network| Adam::new(network.parameters().len())).collect();
         if !voxel_gradient.is_empty() {
             adam.push(Adam::new(voxel_gradient.len()));
         }
