@@ -1,10 +1,10 @@
 //! All loss terms and every parameter gradient of one training step against float64 vectors
 //! (`tests/golden/scan_step.safetensors`), in f64.
 
-use glam::Vec3;
 use std::collections::HashMap;
 
 use candle_core::{DType, Device, Tensor};
+use glam::Vec3;
 use xavatar::config::{Config, FieldSettings, SkinningSettings, SkinningShape};
 use xavatar::fields::{CONDITION, Fields, Skinning};
 use xavatar::train::losses::{CanonicalBatch, LossEvaluator, WeightTargets};
