@@ -46,9 +46,9 @@ fn points(random: &mut ChaCha8Rng, rows: usize, dimensions: usize) -> Vec<f64> {
         })
     };
     for point in points.chunks_exact_mut(dimensions) {
-        for axis in 0..3 {
+        for (axis, coordinate) in point[..3].iter_mut().enumerate() {
             let (low, high) = (f64::from(BOUNDS.lowest[axis]), f64::from(BOUNDS.highest[axis]));
-            point[axis] = loop {
+            *coordinate = loop {
                 let x = random.random_range(low..high);
                 if away(x - low) {
                     break x;

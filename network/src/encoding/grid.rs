@@ -171,6 +171,7 @@ impl HashGrid {
     }
 
     /// dw_k/dx v of each row's cell.
+    #[expect(clippy::needless_range_loop, reason = "a lane is the second index")]
     fn slopes<T: Real>(
         &self,
         level: usize,
@@ -192,6 +193,7 @@ impl HashGrid {
     }
 
     /// The directions of a block by groups; zero along the axes on which a point is outside the box.
+    #[expect(clippy::needless_range_loop, reason = "a lane is the second index")]
     fn group_directions<T: Real>(&self, cells: &Cells<T>, directions: Directions<T>) -> Vec<[Lanes<T>; 3]> {
         let mut groups = cells.inside().to_vec();
         for (group, of_group) in groups.iter_mut().enumerate() {
@@ -221,6 +223,7 @@ impl HashGrid {
 
 /// w_k of each row's cell.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "a lane is the second index")]
 fn value_weights<T: Real>(_: usize, places: &[Lanes<T>; 3]) -> [Lanes<T>; 8] {
     let mut result = [[T::zero(); LANES]; 8];
     for lane in 0..LANES {

@@ -183,7 +183,8 @@ mod tests {
 
     #[test]
     fn extents_out_of_range_are_named() {
-        let change: [(&str, fn(&mut HashGridShape, &mut Bounds)); 6] = [
+        type Change = fn(&mut HashGridShape, &mut Bounds);
+        let change: [(&str, Change); 6] = [
             ("grid levels", |shape, _| shape.levels = 0),
             ("coarsest grid resolution", |shape, _| shape.coarsest = 0),
             ("finest grid resolution", |shape, _| shape.finest = 8),
