@@ -4,8 +4,8 @@
 //! other work on the machine slows both; `*_of_gemm` is the median of the rounds' ratios.
 
 use rayon::prelude::*;
-use xavatar::config::Config;
-use xavatar::fields::{CONDITION, Fields, skeleton_parents};
+use xavatar::config::{Config, SkinningSettings};
+use xavatar::fields::{CONDITION, Fields, Skinning};
 use xavatar_network::{Backward, Mlp, MlpGradient, SkinningTrace, SkinningWeights, Trace};
 
 use crate::report::{Report, Seconds};
@@ -21,7 +21,7 @@ const REFERENCES: [[usize; 3]; 3] = [[1024, 1024, 1024], [512, 512, 512], [BLOCK
 struct Worker {
     trace: Trace<f32>,
     skinning: SkinningTrace<f32>,
-    gradients: [MlpGradient<f32>; 3],
+    gradients: Vec<MlpGradient<f32>>,
     weights: Vec<f32>,
     slopes: Vec<f32>,
     cotangent: Vec<f32>,
@@ -89,10 +89,13 @@ impl Product {
 pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
     report.section("networks, 8,192 points");
     let config = Config::preset("paper-scan")?;
-    let mut fields = Fields::<f32>::new(&config.fields, &skeleton_parents(), (glam::Vec3::NEG_ONE, glam::Vec3::ONE))?;
+    let SkinningSettings::Network(shape) = &config.fields.skinning else { return Err("the paper has networks".into()) };
+    let skinning = Skinning::network(shape)?;
+    let mut fields = Fields::<f32>::new(&config.fields, skinning, (glam::Vec3::NEG_ONE, glam::Vec3::ONE))?;
     fields.initialise(1);
+    let Skinning::Network(field) = &fields.skinning else { return Err("the paper has networks".into()) };
     let embedded = fields.geometry.mlp.embed(&[0.1; CONDITION]);
-    let joints = fields.skinning.joints();
+    let joints = field.joints();
     let points: Vec<[f32; 3]> =
         (0..POINTS).map(|point| std::array::from_fn(|axis| (0.618 * (point * (axis + 3)) as f32).sin())).collect();
     let texture_points: Vec<f32> = points.iter().flat_map(|[x, y, z]| [*x, *y, *z, *y, *z, *x]).collect();
@@ -106,7 +109,7 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
         .map(|_| Worker {
             trace: Trace::default(),
             skinning: SkinningTrace::default(),
-            gradients: fields.zero_gradients(),
+            gradients: fields.networks().into_iter().map(Mlp::zero_gradient).collect(),
             weights: vec![0.0; BLOCK_ROWS * joints],
             slopes: vec![0.0; 3 * BLOCK_ROWS * joints],
             cotangent: vec![1.0; 3 * BLOCK_ROWS],
@@ -159,7 +162,6 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
         let Worker { trace, gradients, cotangent, .. } = worker;
         network.backward(trace, cotangent, None, Backward::ParametersAndPoints, &mut gradients[1]);
     });
-    let field = &fields.skinning;
     let one = operations(field.mlp());
     case(report, "skinning_forward", one, &|worker, row| {
         field.weights(&mut worker.skinning, &points[row..row + BLOCK_ROWS], &mut worker.weights);

@@ -6,7 +6,7 @@
 use std::sync::atomic::AtomicBool;
 
 use xavatar::config::{Config, SearchedField, Starts};
-use xavatar::correspondence::{PosedField, bake, bone_rows, start_groups};
+use xavatar::correspondence::{PosedField, PosedWarp, bake, bone_rows, start_groups};
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::train::Trainer;
 
@@ -46,14 +46,16 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
     let groups = start_groups(Starts::Body)?;
     let labels = vec![0; points.len()];
     let baked = bake(&avatar.fields.skinning, GRID, avatar.subject.bounds)?;
-    for (name, baked) in [("exact", None), ("baked", baked.as_ref())] {
+    let baked = baked.ok_or("the paper's skinning is a network")?;
+    let exact = PosedWarp::new(&avatar.fields.skinning, None, &bones, None)?;
+    for (name, warp) in [("exact", exact), ("baked", PosedWarp::Voxels(baked.warp(&bones, None)?))] {
         let field = PosedField {
             fields: &avatar.fields,
             bones: &bones,
             embedded: &[],
             groups: &groups,
             settings: &config.search,
-            baked,
+            warp: &warp,
             bounds: avatar.subject.bounds,
         };
         let found = field.candidates(&points, &labels)?.statistics;
