@@ -12,7 +12,7 @@ use xavatar::data::{FrameId, FrameSource, ScanFrame, write_npz, write_pickle, wr
 use xavatar::evaluate::Evaluation;
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::mesh::{TriangleMesh, write_ply};
-use xavatar::train::{Ending, Trainer};
+use xavatar::train::{Ending, Trainer, TrainingFrames};
 
 use super::gallery::Gallery;
 use super::progress::Progress;
@@ -93,7 +93,7 @@ impl Demo {
             Config::preset_with("demo", &settings.collect::<Vec<_>>())?
         };
         let begin = if resumes { Trainer::resume } else { Trainer::start };
-        let mut trainer = begin(&config, &frames, body, labels, &self.out, &mut progress)?;
+        let mut trainer = begin(&config, TrainingFrames::Scans(&frames), body, labels, &self.out, &mut progress)?;
         let trained = trainer.run(stop, &mut progress)?;
         let shown = match trained {
             Ending::Finished => self.show(&trainer.avatar(), &subject, size, stop, &mut progress)?,

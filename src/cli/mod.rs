@@ -11,6 +11,7 @@ mod extract;
 mod gallery;
 mod info;
 mod inputs;
+mod measured_run;
 mod outputs;
 mod progress;
 mod stop;
