@@ -74,11 +74,11 @@ impl Animate {
         if self.z_up {
             motion = motion.turned_from_z_up();
         }
-        eprintln!("{} frames: {}", motion.frames.len(), motion.source);
+        log::info!("{} frames: {}", motion.frames.len(), motion.source);
         // The shape is the avatar's own, whoever the motion was captured from.
         let absent: Vec<_> = motion.zeroed.iter().filter(|name| *name != "betas").map(String::as_str).collect();
         if !absent.is_empty() {
-            eprintln!("not in the motion, so zero: {}", absent.join(", "));
+            log::info!("not in the motion, so zero: {}", absent.join(", "));
         }
         let total = motion.frames.len();
         Source {
@@ -122,10 +122,10 @@ impl Animate {
         }
         progress.finish();
         if kept > 0 {
-            eprintln!("{kept} of {total} meshes were there already and are kept");
+            log::info!("{kept} of {total} meshes were there already and are kept");
         }
         if dropped_components > 0 {
-            eprintln!("kept the largest part of each mesh; {dropped_components} smaller ones left out");
+            log::info!("kept the largest part of each mesh; {dropped_components} smaller ones left out");
         }
         println!("{}: {total} meshes", self.out.display());
         Ok(Outcome::Done)
