@@ -11,6 +11,7 @@ mod motion;
 mod npy;
 mod npz;
 mod pickle;
+mod rgbd;
 mod xhumans;
 
 pub use array::{Array, ArrayData, ArrayMap};
@@ -19,6 +20,7 @@ pub use motion::{Motion, read_motion, write_motion};
 pub use npy::read_npy;
 pub use npz::{read_npz, write_npz};
 pub use pickle::{Value, read_pickle, read_pickle_arrays, write_pickle};
+pub use rgbd::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdFrame, RgbdSource};
 pub use xhumans::{Subject, read_frame, write_subject};
 
 use std::path::PathBuf;
