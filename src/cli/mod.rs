@@ -11,6 +11,7 @@ mod extract;
 mod gallery;
 mod info;
 mod inputs;
+mod motion;
 mod outputs;
 mod progress;
 mod stop;

@@ -16,7 +16,9 @@ mod xhumans;
 
 pub use array::{Array, ArrayData, ArrayMap};
 pub use check::{CheckReport, DistanceReport, HandReport, SequenceReport, UnusableFrame, check};
-pub use motion::{Motion, read_motion, write_motion};
+pub use motion::{
+    Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
+};
 pub use npy::read_npy;
 pub use npz::{read_npz, write_npz};
 pub use pickle::{Value, read_pickle, read_pickle_arrays, write_pickle};
