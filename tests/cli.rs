@@ -201,17 +201,21 @@ fn an_interrupted_animation_goes_on_and_does_not_mix_with_another() {
     let out = folder.path().join("animation");
     let take = PathBuf::from(data).join("train/Take1");
     let animate = ["animate", run, text(&take), "--body", body, "--resolution", "40", "--out", text(&out)];
-    assert_outcome(&animate, 0, &["3 meshes"]);
+    let resume = [&animate[..], &["--resume"]].concat();
+    assert_outcome(&animate, 0, &["3 meshes", "by the format", "frame rate: 30 per second (assumed"]);
     let mesh = |number: u32| out.join(format!("mesh-f{number:05}.ply"));
     let first = std::fs::read(mesh(1)).unwrap();
     std::fs::remove_file(mesh(1)).unwrap();
-    assert_outcome(&animate, 0, &["2 of 3 meshes were there already"]);
+    assert_outcome(&animate, 1, &["not empty", "--resume"]);
+    assert_outcome(&resume, 0, &["2 of 3 meshes are there already"]);
     assert_eq!(std::fs::read(mesh(1)).unwrap(), first);
-    let fixed = [&animate[..], &["--fixed-topology"]].concat();
-    assert_outcome(&fixed, 1, &["not of the same animation"]);
+    assert_outcome(&[&resume[..], &["--fixed-topology"]].concat(), 1, &["fixed_topology was false, now true"]);
+    assert_outcome(&[&resume[..], &["--smooth", "0.1"]].concat(), 1, &["smooth was null, now 0.1"]);
     let other = PathBuf::from(data).join("test/Take2");
-    let animate = ["animate", run, text(&other), "--body", body, "--resolution", "40", "--out", text(&out)];
-    assert_outcome(&animate, 1, &["not of the same animation"]);
+    let other = ["animate", run, text(&other), "--body", body, "--resolution", "40", "--out", text(&out), "--resume"];
+    assert_outcome(&other, 1, &["motion was", "Take2"]);
+    std::fs::remove_file(out.join("animation.json")).unwrap();
+    assert_outcome(&resume, 1, &["no animation was begun"]);
 }
 
 #[test]

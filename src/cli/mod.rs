@@ -17,6 +17,7 @@ mod info;
 mod inputs;
 mod json;
 mod messages;
+mod motion;
 mod outputs;
 mod progress;
 mod stop;
