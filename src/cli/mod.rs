@@ -115,7 +115,6 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Ablate(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
-        Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
