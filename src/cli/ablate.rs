@@ -8,6 +8,7 @@ use xavatar::evaluate::{Ablation, AblationRow, AblationTable};
 use xavatar::train::TrainingFrames;
 
 use super::inputs::{Split, SubjectArguments, SubjectFrames};
+use super::json::JsonArgument;
 use super::measured_run::{MeasuredRun, RunMetrics, Yardstick};
 use super::training::TrainingArguments;
 use super::{Outcome, WrongUsage, outputs, stop};
@@ -34,6 +35,8 @@ pub struct Ablate {
     /// Cells along the longest side of the box around the body
     #[arg(long, value_name = "R", default_value_t = 256, value_parser = super::extract::resolution)]
     resolution: usize,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 impl Ablate {
@@ -44,6 +47,7 @@ impl Ablate {
         let variants = Ablation::ALL.map(|ablation| self.configuration(ablation).map(|config| (ablation, config)));
         let variants: Vec<_> = variants.into_iter().collect::<Result<_, _>>().map_err(WrongUsage)?;
         self.refuse_other_folders(&variants)?;
+        self.json.check()?;
         let opened = self.subject.open()?;
         outputs::existing_folder(&self.out)?;
         let stop = stop::on_interrupt()?;
@@ -59,7 +63,7 @@ impl Ablate {
         for (ablation, config) in &variants {
             let run = self.variant(*ablation, config);
             let Some(measured) = run.finish(TrainingFrames::Scans(&frames), &yardstick, stop)? else {
-                eprintln!("stopped; the same command again goes on");
+                log::info!("stopped; the same command again goes on");
                 return Ok(Outcome::Stopped);
             };
             let RunMetrics { steps, seconds_per_step, frames, mean } = measured;
@@ -67,8 +71,7 @@ impl Ablate {
             outputs::write_json(&self.out.join(Self::JSON), &table)?;
             outputs::write_text(&self.out.join(Self::MARKDOWN), &table.markdown())?;
         }
-        print!("{table}");
-        println!("{}", self.out.join(Self::JSON).display());
+        self.json.print(&table, &format!("{table}{}", self.out.join(Self::JSON).display()))?;
         Ok(Outcome::Done)
     }
 

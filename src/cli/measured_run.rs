@@ -55,10 +55,10 @@ struct Measured {
     metrics: RunMetrics,
 }
 
-impl MeasuredRun<'_> {
-    /// In the run's folder once it is measured.
-    const FILE: &str = "measured.json";
+/// In a run's folder once it is measured.
+const FILE: &str = "measured.json";
 
+impl MeasuredRun<'_> {
     /// Refuses a folder with a run of other settings.
     pub fn refuse_other_settings(&self) -> anyhow::Result<()> {
         if self.is_begun() && Trainer::configuration(&self.folder)? != *self.config {
@@ -75,9 +75,9 @@ impl MeasuredRun<'_> {
         stop: &AtomicBool,
     ) -> anyhow::Result<Option<RunMetrics>> {
         if self.folder.join(Avatar::FILE).is_file() {
-            eprintln!("{}: trained already", self.name);
+            log::info!("{}: trained already", self.name);
         } else {
-            eprintln!("{}: training", self.name);
+            log::info!("{}: training", self.name);
             let mut progress = Progress::new();
             let begin = if self.is_begun() { Trainer::resume } else { Trainer::start };
             let mut trainer =
@@ -88,7 +88,7 @@ impl MeasuredRun<'_> {
                 return Ok(None);
             }
         }
-        let file = self.folder.join(Self::FILE);
+        let file = self.folder.join(FILE);
         if let Some(metrics) = yardstick.measured_before(&file) {
             return Ok(Some(metrics));
         }
