@@ -87,6 +87,7 @@ impl<'a> Trainer<'a> {
         run: &Path,
         observer: &mut dyn Observer,
     ) -> Result<Self> {
+        frames.check(config)?;
         fs::create_dir_all(run).map_err(Error::io(run))?;
         if fs::read_dir(run).map_err(Error::io(run))?.next().is_some() {
             return Err(Error::Value {
@@ -126,6 +127,7 @@ impl<'a> Trainer<'a> {
         run: &Path,
         observer: &mut dyn Observer,
     ) -> Result<Self> {
+        frames.check(config)?;
         Self::open(config, frames, body, labels, run, observer)
     }
 
@@ -138,7 +140,6 @@ impl<'a> Trainer<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Self> {
         let started = Instant::now();
-        frames.check(config)?;
         let mut canonical = CanonicalBody::new(body, labels, &frames.betas(), config)?;
         let groups = match config.fields.skinning {
             SkinningSettings::Network(_) => start_groups(config.starts)?,
