@@ -172,7 +172,8 @@ fn presets_are_for_one_kind_of_frames() {
     let run = folder.path().join("run");
     let config = Config::preset("demo").unwrap();
     let frames = TrainingFrames::Rgbd(&film);
-    let refused = Trainer::start(&config, frames, subject.model(), subject.part_labels(), &run, &mut Records::default());
+    let refused =
+        Trainer::start(&config, frames, subject.model(), subject.part_labels(), &run, &mut Records::default());
     let message = refused.err().unwrap().to_string();
     assert!(message.contains("`demo`, which is for scans") && message.contains("fast-rgbd"), "{message}");
     assert!(!run.exists(), "nothing is begun");

@@ -13,6 +13,7 @@ mod convert;
 mod demo;
 mod eval;
 mod extract;
+mod filmed;
 mod gallery;
 mod info;
 mod inputs;

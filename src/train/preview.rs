@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 use image::RgbImage;
-use image::imageops::{FilterType, resize};
 
 use super::captured::CapturedFrame;
 use crate::Result;
@@ -12,11 +11,11 @@ use crate::render::{Camera, FRONT, Tile, View, contact_sheet, render_mesh};
 const WIDTH: u32 = 480;
 const HEIGHT: u32 = 640;
 
-/// A scan and the avatar from the front, in colour and as normals; or a picture and the avatar from where it was taken.
+/// A scan and the avatar from the front, in colour and as normals; or a picture and the avatar by the same camera.
 pub(super) fn sheet(frame: &CapturedFrame, avatar: &TriangleMesh) -> Result<RgbImage> {
     let row = match frame {
         CapturedFrame::Scan(frame) => {
-            let camera = framing(&frame.scan, FRONT)?;
+            let camera = front_view(&frame.scan)?;
             let tiles = |view: View| -> Result<Vec<Tile>> {
                 Ok(vec![
                     Tile::new(render_mesh(&frame.scan, &camera, view)?, "scan"),
@@ -26,22 +25,19 @@ pub(super) fn sheet(frame: &CapturedFrame, avatar: &TriangleMesh) -> Result<RgbI
             [tiles(View::Colour)?, tiles(View::Normals)?].concat()
         }
         CapturedFrame::Rgbd(capture) => {
-            let picture = &capture.frame.colour;
-            let width = (u64::from(picture.width()) * u64::from(HEIGHT) / u64::from(picture.height())).max(1) as u32;
-            let from = capture.frame.camera.position() - capture.frame.parameters.transl;
-            let camera = framing(avatar, from.x.atan2(from.z))?;
+            let camera = &capture.frame.camera;
             vec![
-                Tile::new(resize(picture, width, HEIGHT, FilterType::Triangle), "picture"),
-                Tile::new(render_mesh(avatar, &camera, View::Colour)?, "avatar"),
-                Tile::new(render_mesh(avatar, &camera, View::Normals)?, "avatar"),
+                Tile::new(capture.frame.colour.clone(), "picture"),
+                Tile::new(render_mesh(avatar, camera, View::Colour)?, "avatar"),
+                Tile::new(render_mesh(avatar, camera, View::Normals)?, "avatar"),
             ]
         }
     };
     contact_sheet(&[row])
 }
 
-fn framing(mesh: &TriangleMesh, azimuth: f32) -> Result<Camera> {
+fn front_view(mesh: &TriangleMesh) -> Result<Camera> {
     let low = mesh.vertices.iter().copied().reduce(Vec3::min).unwrap_or_default();
     let high = mesh.vertices.iter().copied().reduce(Vec3::max).unwrap_or_default();
-    Camera::framing(low, high, azimuth, WIDTH, HEIGHT)
+    Camera::framing(low, high, FRONT, WIDTH, HEIGHT)
 }
