@@ -7,6 +7,7 @@ mod camera_sampling;
 mod camera_view;
 mod captured;
 mod checkpoint;
+mod curve;
 mod distance_grid;
 mod event_file;
 mod frame_store;

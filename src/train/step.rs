@@ -15,6 +15,7 @@ use xavatar_deformer::{Candidates, SearchStatistics};
 use xavatar_network::Representation;
 
 use super::camera_sampling;
+use super::curve::Curve;
 use super::losses::CanonicalBatch;
 use super::prepared::{PreparedFrame, Supervision};
 use super::pretraining::CanonicalBody;
@@ -29,8 +30,6 @@ use crate::{Error, Result};
 
 /// Vertices of hands and face whose weights are supervised at each step.
 const WEIGHT_POINTS: usize = 1024;
-/// Cells of the Z-order curve along the longest side of the canonical box.
-const CURVE_CELLS: f32 = 1023.0;
 /// Depth in the unclothed body below which no point of the scan's surface or outside of it can be, metres. A root there is one
 /// of skin that folds over itself: to train through it would hollow the body.
 const DEEPEST_SURFACE: f32 = 0.01;
@@ -249,12 +248,8 @@ impl<'a> Trainer<'a> {
     /// The candidates that points are trained through, with the points' places, neighbours in space near each other: a grid's
     /// entries are then still in the cache when the next point needs them.
     fn in_spatial_order(&self, assigned: &[Option<usize>], found: &Candidates<f32>) -> Vec<(usize, usize)> {
-        let (low, high) = self.subject.bounds;
-        let scale = CURVE_CELLS / (high - low).max_element();
-        let key = |winner: usize| {
-            let cell = ((Vec3::from_array(found.points[winner]) - low) * scale).as_uvec3();
-            spread_bits(cell.x) | spread_bits(cell.y) << 1 | spread_bits(cell.z) << 2
-        };
+        let curve = Curve::over(self.subject.bounds);
+        let key = |winner: usize| curve.place(Vec3::from_array(found.points[winner]));
         let places = assigned.iter().enumerate().filter_map(|(index, winner)| Some(((*winner)?, index)));
         let mut keyed: Vec<_> = places.map(|(winner, index)| (key(winner), winner, index)).collect();
         keyed.sort_unstable();
@@ -279,15 +274,6 @@ impl<'a> Trainer<'a> {
             }
         }
     }
-}
-
-/// Moves the lowest ten bits of a number to every third place, for a Z-order curve.
-fn spread_bits(number: u32) -> u32 {
-    let mut bits = number & 0x3ff;
-    for (shift, mask) in [(16, 0x0300_00ff), (8, 0x0300_f00f), (4, 0x030c_30c3), (2, 0x0924_9249)] {
-        bits = (bits | bits << shift) & mask;
-    }
-    bits
 }
 
 pub(super) fn add_time(record: &mut StepRecord, phase: &'static str, begin: Instant) {

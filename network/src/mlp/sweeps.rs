@@ -66,8 +66,9 @@ pub enum Backward {
 }
 
 impl<T: Real> Mlp<T> {
-    fn weight(&self, layer: &Layer) -> Matrix<'_, T> {
-        Matrix::new(&self.folded[layer.folded_weight.clone()], layer.outputs, layer.inputs, layer.inputs)
+    /// W^T of a layer, or of its first `inputs` inputs alone.
+    fn transposed_weight(&self, layer: &Layer, inputs: usize) -> Matrix<'_, T> {
+        Matrix::new(&self.transposed[layer.folded_weight.clone()], inputs, layer.outputs, layer.outputs)
     }
 
     /// The columns of a layer's weights whose inputs are hidden units, or for the first layer encoded point and embedding.
@@ -125,7 +126,7 @@ impl<T: Real> Mlp<T> {
         for (index, layer) in self.layers.iter().enumerate() {
             let (before, after) = trace.inputs.split_at_mut(index + 1);
             let input = Matrix::new(&before[index], stacked, layer.inputs, layer.inputs);
-            let weight = self.weight(layer).transposed();
+            let weight = self.transposed_weight(layer, layer.inputs);
             let bias = &self.folded[layer.folded_bias.clone()];
             if index == shape.depth {
                 resize(&mut trace.output, stacked * layer.outputs);
@@ -344,7 +345,7 @@ impl<T: Real> Mlp<T> {
                 MatrixMut::new(&mut after[0][rows * stride..], rows, layer.outputs, stride),
                 Write::Replace,
                 Matrix::new(&before[index][rows * layer.inputs..], rows, carried, layer.inputs),
-                self.weight_columns(layer, 0..carried).transposed(),
+                self.transposed_weight(layer, carried),
             );
             let (curvature, cotangents) = trace.cotangents[index].split_at_mut(rows * layer.outputs);
             let tangents = &mut after[0][rows * stride..2 * rows * stride];
