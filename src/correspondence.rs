@@ -222,7 +222,7 @@ impl PosedField<'_> {
         values.par_chunks_mut(BLOCK_ROWS).zip(canonical.par_chunks(BLOCK_ROWS)).for_each_init(
             Trace::default,
             |trace, (values, points)| {
-                self.fields.geometry.mlp.forward(trace, points.as_flattened(), self.embedded, &[]);
+                self.fields.geometry.mlp.evaluate(trace, points.as_flattened(), self.embedded, &[]);
                 values.copy_from_slice(trace.output());
             },
         );

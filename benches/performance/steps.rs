@@ -18,7 +18,7 @@ use crate::report::{Report, Seconds};
 pub const CASE: &str = "XAVATAR_PERFORMANCE_CASE";
 
 /// What every case starts from.
-const SETTINGS: &str = "optimiser.batch_frames=1;schedule.preview_steps=0;losses.colour_from_epoch=0";
+const SETTINGS: &str = "schedule.preview_steps=0;losses.colour_from_epoch=0";
 
 /// Settings of the cases that the first of paper-scan is compared with, and their threads where not all.
 const VARIANTS: [(&str, &str, Option<&str>); 6] = [
