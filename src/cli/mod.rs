@@ -7,6 +7,7 @@
 
 mod ablate;
 mod animate;
+mod captured;
 mod check;
 mod completions;
 mod convert;
@@ -14,6 +15,7 @@ mod demo;
 mod eval;
 mod extract;
 mod filmed;
+mod fuse;
 mod gallery;
 mod info;
 mod inputs;
@@ -59,6 +61,7 @@ enum Verb {
     Train(train::Train),
     Eval(eval::Eval),
     Ablate(ablate::Ablate),
+    Fuse(fuse::Fuse),
     Extract(extract::Extract),
     Animate(animate::Animate),
     Convert(convert::Convert),
@@ -117,6 +120,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Train(verb) => verb.run(),
         Verb::Eval(verb) => verb.run(),
         Verb::Ablate(verb) => verb.run(),
+        Verb::Fuse(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
