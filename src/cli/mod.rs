@@ -13,6 +13,7 @@ mod info;
 mod inputs;
 mod motion;
 mod outputs;
+mod pointcloud;
 mod progress;
 mod stop;
 mod train;
@@ -51,6 +52,8 @@ enum Verb {
     Extract(extract::Extract),
     Animate(animate::Animate),
     Info(info::Info),
+    #[command(name = "pointcloud")]
+    PointCloud(pointcloud::PointCloudOf),
 }
 
 /// How a verb that did not fail ended.
@@ -106,6 +109,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
+        Verb::PointCloud(verb) => verb.run(),
     }
 }
 
