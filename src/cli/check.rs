@@ -1,6 +1,6 @@
 //! `xavatar check`: reads a subject before it is trained, and says what would go wrong.
 
-use std::path::PathBuf;
+use std::fmt::{self, Formatter};
 use std::sync::Mutex;
 
 use serde::Serialize;
@@ -9,9 +9,10 @@ use xavatar::data::{
     check_rgbd,
 };
 
+use super::Outcome;
 use super::inputs::{SubjectArguments, load_body};
+use super::json::JsonArgument;
 use super::progress::Progress;
-use super::{Outcome, outputs};
 
 /// Report what would go wrong in training: frames, sizes, units, distances, conventions
 ///
@@ -22,9 +23,8 @@ use super::{Outcome, outputs};
 pub struct Check {
     #[command(flatten)]
     subject: SubjectArguments,
-    /// Write the report as JSON too
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// What was found of each kind of frames.
@@ -38,9 +38,7 @@ struct Report {
 
 impl Check {
     pub fn run(self) -> anyhow::Result<Outcome> {
-        if let Some(json) = &self.json {
-            outputs::new_file(json)?;
-        }
+        self.json.check()?;
         let has_pictures = RgbdSubject::is_in(&self.subject.data);
         let has_scans = || {
             let subject = Subject::open(&self.subject.data);
@@ -48,21 +46,9 @@ impl Check {
         };
         let scans = if !has_pictures || has_scans() { Some(self.check_scans()?) } else { None };
         let rgbd = if has_pictures { Some(self.check_rgbd()?) } else { None };
-        if let Some(report) = &scans {
-            print_report(report);
-        }
-        if let Some(report) = &rgbd {
-            print_rgbd_report(report);
-        }
-        let is_fit = match (&scans, &rgbd) {
-            (Some(scans), _) => scans.problems.is_empty(),
-            (None, Some(rgbd)) => rgbd.problems.is_empty(),
-            (None, None) => true,
-        };
-        if let Some(json) = &self.json {
-            outputs::write_json(json, &Report { scans, rgbd })?;
-        }
-        Ok(if is_fit { Outcome::Done } else { Outcome::Unfit })
+        let report = Report { scans, rgbd };
+        self.json.print(&report, &report)?;
+        Ok(if report.is_fit() { Outcome::Done } else { Outcome::Unfit })
     }
 
     fn check_scans(&self) -> anyhow::Result<CheckReport> {
@@ -75,7 +61,18 @@ impl Check {
         let subject = RgbdSubject::open(&self.subject.data)?;
         let (body, labels) = load_body(&self.subject.body, subject.gender)?;
         let total = subject.train.len() + subject.test.len();
-        with_progress("RGB-D frames", total, |done| check_rgbd(&subject, &body, &labels, done))
+        with_progress("pictures", total, |done| check_rgbd(&subject, &body, &labels, done))
+    }
+}
+
+impl Report {
+    /// Whether what `train` would choose can be trained on.
+    fn is_fit(&self) -> bool {
+        match (&self.scans, &self.rgbd) {
+            (Some(scans), _) => scans.problems.is_empty(),
+            (None, Some(rgbd)) => rgbd.problems.is_empty(),
+            (None, None) => true,
+        }
     }
 }
 
@@ -99,65 +96,86 @@ fn with_progress<T>(
     Ok(report)
 }
 
-fn print_report(report: &CheckReport) {
-    println!("subject            {}, {:.2} m", report.gender, report.body_height);
-    println!("part labels        {}", report.part_labels);
-    print_sequences(&report.sequences);
-    println!("measured           {} frames, {} watertight", report.measured_frames, report.watertight_scans);
+/// The report in lines to read.
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.scans.iter().try_for_each(|report| write_scans(f, report))?;
+        self.rgbd.iter().try_for_each(|report| write_rgbd(f, report))
+    }
+}
+
+fn write_scans(f: &mut Formatter<'_>, report: &CheckReport) -> fmt::Result {
+    writeln!(f, "subject            {}, {:.2} m", report.gender, report.body_height)?;
+    writeln!(f, "part labels        {}", report.part_labels)?;
+    write_sequences(f, &report.sequences)?;
+    writeln!(f, "measured           {} frames, {} watertight", report.measured_frames, report.watertight_scans)?;
     if let Some(ratio) = report.scan_to_body_height {
-        println!("scan : body height {ratio:.3} ({})", report.scan_unit.unwrap_or("of no known unit"));
+        writeln!(f, "scan : body height {ratio:.3} ({})", report.scan_unit.unwrap_or("of no known unit"))?;
     }
     if let Some(hands) = report.hands {
-        println!(
+        writeln!(
+            f,
             "hands to scan      {:.1} mm as offsets from the mean hand, {:.1} mm as absolute rotations",
             hands.relative_to_mean_mm, hands.flat_mm
-        );
+        )?;
     }
-    print_distances("scan to body", report.distances.iter());
-    print_verdict("ready to train", &report.unusable, &report.warnings, &report.problems);
+    write_distances(f, "scan to body", report.distances.iter())?;
+    write_verdict(f, "ready to train", &report.unusable, &report.warnings, &report.problems)
 }
 
-fn print_rgbd_report(report: &RgbdCheckReport) {
-    println!("RGB-D of           {}, {:.2} m", report.gender, report.body_height);
-    println!("part labels        {}", report.part_labels);
-    print_sequences(&report.sequences);
+fn write_rgbd(f: &mut Formatter<'_>, report: &RgbdCheckReport) -> fmt::Result {
+    writeln!(f, "RGB-D of           {}, {:.2} m", report.gender, report.body_height)?;
+    writeln!(f, "part labels        {}", report.part_labels)?;
+    write_sequences(f, &report.sequences)?;
     if let Some(points) = report.points {
-        println!("measured           {} frames of about {points} points", report.measured_frames);
+        writeln!(f, "measured           {} frames of about {points} points", report.measured_frames)?;
     }
-    if let Some((ratio, height)) = report.depth_to_body.zip(report.apparent_height) {
-        println!("depth : body       {ratio:.3} (a body {height:.4} m tall)");
+    if let Some(ratio) = report.depth_to_body {
+        writeln!(f, "depth : body       {ratio:.3}")?;
     }
-    print_distances("points to vertices", report.distances.iter());
-    print_verdict("ready to train from RGB-D frames", &report.unusable, &report.warnings, &report.problems);
+    write_distances(f, "points to vertices", report.distances.iter())?;
+    write_verdict(f, "ready to train from RGB-D", &report.unusable, &report.warnings, &report.problems)
 }
 
-fn print_sequences(sequences: &[SequenceReport]) {
+fn write_sequences(f: &mut Formatter<'_>, sequences: &[SequenceReport]) -> fmt::Result {
     for sequence in sequences {
         let name = format!("{}/{}", sequence.split, sequence.sequence);
         let unusable = match sequence.unusable {
             0 => String::new(),
             unusable => format!(", {unusable} unusable"),
         };
-        println!("{name:<18} {} frames{unusable}", sequence.frames);
+        writeln!(f, "{name:<18} {} frames{unusable}", sequence.frames)?;
     }
+    Ok(())
 }
 
-fn print_distances<'a>(name: &str, distances: impl Iterator<Item = (&'a &'static str, &'a DistanceReport)>) {
-    println!("{name:<18} {:>10} {:>10}", "median", "95 %");
+fn write_distances<'a>(
+    f: &mut Formatter<'_>,
+    name: &str,
+    distances: impl Iterator<Item = (&'a &'static str, &'a DistanceReport)>,
+) -> fmt::Result {
+    writeln!(f, "{name:<18} {:>10} {:>10}", "median", "95 %")?;
     for (part, distance) in distances {
-        println!("  {part:<16} {:>7.1} mm {:>7.1} mm", distance.median_mm, distance.percentile_95_mm);
+        writeln!(f, "  {part:<16} {:>7.1} mm {:>7.1} mm", distance.median_mm, distance.percentile_95_mm)?;
     }
+    Ok(())
 }
 
-fn print_verdict(ready: &str, unusable: &[UnusableFrame], warnings: &[String], problems: &[String]) {
+fn write_verdict(
+    f: &mut Formatter<'_>,
+    ready: &str,
+    unusable: &[UnusableFrame],
+    warnings: &[String],
+    problems: &[String],
+) -> fmt::Result {
     for frame in unusable {
-        println!("unusable: {}: {}", frame.frame, frame.reason);
+        writeln!(f, "unusable: {}: {}", frame.frame, frame.reason)?;
     }
     for warning in warnings {
-        println!("warning: {warning}");
+        writeln!(f, "warning: {warning}")?;
     }
     for problem in problems {
-        println!("problem: {problem}");
+        writeln!(f, "problem: {problem}")?;
     }
-    println!("{}{ready}", if problems.is_empty() { "" } else { "not " });
+    writeln!(f, "{}{ready}", if problems.is_empty() { "" } else { "not " })
 }
