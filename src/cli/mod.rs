@@ -9,6 +9,7 @@ mod ablate;
 mod animate;
 mod check;
 mod completions;
+mod convert;
 mod demo;
 mod eval;
 mod extract;
@@ -59,6 +60,7 @@ enum Verb {
     Ablate(ablate::Ablate),
     Extract(extract::Extract),
     Animate(animate::Animate),
+    Convert(convert::Convert),
     Info(info::Info),
     #[command(name = "pointcloud")]
     PointCloud(pointcloud::PointCloudOf),
@@ -118,6 +120,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Ablate(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
+        Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),

@@ -12,6 +12,7 @@ mod npy;
 mod npz;
 mod pickle;
 mod rgbd;
+mod torch;
 mod xhumans;
 
 pub use array::{Array, ArrayData, ArrayMap};
@@ -26,6 +27,7 @@ pub use rgbd::{
     BACKGROUND, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles, RgbdFrame,
     RgbdFrames, RgbdSource, RgbdSubject, check_rgbd, read_depth,
 };
+pub use torch::read_torch;
 pub use xhumans::{Subject, read_frame, write_subject};
 
 use std::path::PathBuf;
