@@ -15,6 +15,7 @@ pub mod evaluate;
 pub mod fields;
 pub mod mannequin;
 pub mod mesh;
+mod picture_file;
 pub mod render;
 mod tensor_file;
 pub mod train;

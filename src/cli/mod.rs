@@ -24,6 +24,7 @@ mod measured_run;
 mod messages;
 mod motion;
 mod outputs;
+mod pointcloud;
 mod progress;
 mod stop;
 mod train;
@@ -66,6 +67,8 @@ enum Verb {
     Animate(animate::Animate),
     Convert(convert::Convert),
     Info(info::Info),
+    #[command(name = "pointcloud")]
+    PointCloud(pointcloud::PointCloudOf),
     Completions(completions::Completions),
 }
 
@@ -125,6 +128,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Animate(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
+        Verb::PointCloud(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
 }
