@@ -129,7 +129,11 @@ impl Fuse {
 fn picture(table: &FusionTable) -> xavatar::Result<RgbImage> {
     let series = ["all", "hands", "face"].iter().enumerate().map(|(part, name)| Series {
         name: (*name).into(),
-        points: table.rows.iter().map(|row| (row.turn, row.parts()[part].map_or(f64::NAN, |part| part.cd_mm))).collect(),
+        points: table
+            .rows
+            .iter()
+            .map(|row| (row.turn, row.parts()[part].map_or(f64::NAN, |part| part.cd_mm)))
+            .collect(),
     });
     let plot = Plot {
         title: "Error by the part of the turn that the camera saw".into(),

@@ -52,8 +52,7 @@ impl Train {
         let mut progress = Progress::new();
         log::info!("part labels: {}", opened.labels.source);
         let begin = if self.resume { Trainer::resume } else { Trainer::start };
-        let mut trainer =
-            begin(&config, opened.frames(), &opened.body, &opened.labels, &self.out, &mut progress)?;
+        let mut trainer = begin(&config, opened.frames(), &opened.body, &opened.labels, &self.out, &mut progress)?;
         let ending = trainer.run(stop, &mut progress)?;
         progress.finish();
         let (data, body, out) = (self.subject.data.display(), self.subject.body.display(), self.out.display());
