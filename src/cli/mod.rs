@@ -7,6 +7,7 @@ mod animate;
 mod check;
 mod demo;
 mod eval;
+mod export;
 mod extract;
 mod gallery;
 mod info;
@@ -49,6 +50,7 @@ enum Verb {
     Ablate(ablate::Ablate),
     Extract(extract::Extract),
     Animate(animate::Animate),
+    Export(export::Export),
     Info(info::Info),
 }
 
@@ -104,6 +106,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Ablate(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
+        Verb::Export(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
     }
 }
