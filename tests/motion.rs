@@ -109,7 +109,7 @@ fn motions_survive_a_round_trip_in_every_hand_convention() {
 #[test]
 fn hands_of_two_conventions_cannot_be_written() {
     let pca = BodyParameters { right_hand_pose: HandPose::Pca(vec![1.0]), ..Default::default() };
-    let motion = |frames| Motion { frames, frames_per_second: None, source: String::new(), zeroed: vec![] };
+    let motion = |frames| Motion { frames, ..Motion::default() };
     let folder = tempfile::tempdir().unwrap();
     for frames in [vec![BodyParameters::default(), pca.clone()], vec![pca], vec![]] {
         let error = write_motion(folder.path().join("motion.npz"), &motion(frames)).unwrap_err();

@@ -1,52 +1,56 @@
-//! `xavatar animate`: an avatar through a motion, one mesh a frame.
+//! `xavatar animate`: an avatar through a motion, one mesh a frame, each written as soon as it is made.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
 use xavatar::body::BodyParameters;
-use xavatar::data::read_motion;
 
 use super::extract::MeshFormat;
 use super::inputs::load_body;
+use super::motion::MotionArguments;
 use super::progress::Progress;
-use super::{Outcome, outputs};
+use super::{Outcome, outputs, stop};
 
 /// Write one mesh for each frame of a motion
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     xavatar animate runs/00016 data/00016/test/Take4 --body models/smplx --out animation\n  \
-    xavatar animate avatar.safetensors dance.npz --z-up --body models/smplx --out animation --format obj\n  \
-    xavatar animate runs/00016 dance.npz --body models/smplx --out animation --fixed-topology\n\n\
-    Frames that an interrupted call has written are kept; the same call again writes the rest.")]
+    xavatar animate avatar.safetensors amass.npz --fps 30 --frames 1..300 --body models/smplx --out animation --format obj\n  \
+    xavatar animate runs/00016 walk.bvh --translation origin --body models/smplx --out animation --fixed-topology\n  \
+    xavatar animate runs/00016 dance --body models/smplx --out animation\n\n\
+    Frames are written as they are made. After Ctrl-C or a crash, the same call with --resume makes those that are missing.")]
 pub struct Animate {
     /// An avatar.safetensors or a run's folder
     #[arg(value_name = "AVATAR")]
     avatar: PathBuf,
-    /// A folder of X-Humans SMPLX/*.pkl, an AMASS or GRAB .npz, or the .npz of docs/motion.md
+    /// An X-Humans sequence, AMASS, GRAB or pose estimator's .npz or .pkl, a .bvh (docs/motion.md), or `dance`: a built-in one
     #[arg(value_name = "MOTION")]
     motion: PathBuf,
     /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl
     #[arg(long, value_name = "BODY")]
     body: PathBuf,
-    /// The folder that gets mesh-f00001.ply and so on: new, empty, or that of the same call before
+    /// The folder that gets mesh-f00001.ply and so on; new or empty
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Go on with the animation that an interrupted call with the same arguments began in the folder
+    #[arg(long)]
+    resume: bool,
     /// How meshes are written
     #[arg(long, value_enum, default_value_t = MeshFormat::Ply)]
     format: MeshFormat,
     /// Cells along the longest side of the box around the body
     #[arg(long, value_name = "R", default_value_t = 256, value_parser = super::extract::resolution)]
     resolution: usize,
-    /// The motion stands along Z (AMASS, GRAB): turn it to stand along Y
-    #[arg(long)]
-    z_up: bool,
     /// Skin one canonical mesh to every frame instead of extracting each: many frames a second, and the same faces in all of
     /// them, as other programs want; but what one part of the body hides of another stays in the mesh
     #[arg(long)]
     fixed_topology: bool,
+    #[command(flatten)]
+    options: MotionArguments,
 }
 
 /// A mesh to be made.
@@ -55,57 +59,63 @@ struct Frame {
     parameters: BodyParameters,
 }
 
-/// What a folder's meshes were made from, so that two animations never mix.
-#[derive(PartialEq, Serialize, Deserialize)]
-struct Source {
+/// What a folder's meshes are made from, so that two animations never mix.
+#[derive(Serialize)]
+struct Source<'a> {
     avatar: PathBuf,
+    avatar_checksum: u32,
     motion: PathBuf,
+    motion_checksum: u32,
     frames: usize,
+    frames_per_second: f32,
+    format: &'static str,
     resolution: usize,
-    z_up: bool,
     fixed_topology: bool,
+    options: &'a MotionArguments,
 }
 
 impl Animate {
     pub fn run(self) -> anyhow::Result<Outcome> {
         let avatar = Avatar::load(&self.avatar)?;
         let (body, labels) = load_body(&self.body, avatar.subject.gender)?;
-        let mut motion = read_motion(&self.motion)?;
-        if self.z_up {
-            motion = motion.turned_from_z_up();
-        }
-        eprintln!("{} frames: {}", motion.frames.len(), motion.source);
-        // The shape is the avatar's own, whoever the motion was captured from.
-        let absent: Vec<_> = motion.zeroed.iter().filter(|name| *name != "betas").map(String::as_str).collect();
-        if !absent.is_empty() {
-            eprintln!("not in the motion, so zero: {}", absent.join(", "));
-        }
-        let total = motion.frames.len();
+        let clip = self.options.load(&self.motion, &avatar)?;
+        let total = clip.frames.len();
+        let avatar_file = if self.avatar.is_dir() { self.avatar.join(Avatar::FILE) } else { self.avatar.clone() };
         Source {
             avatar: std::path::absolute(&self.avatar)?,
+            avatar_checksum: checksum(&std::fs::read(&avatar_file)?),
             motion: std::path::absolute(&self.motion)?,
+            motion_checksum: checksum(format!("{:?}", clip.frames).as_bytes()),
             frames: total,
+            frames_per_second: clip.frames_per_second,
+            format: self.format.extension(),
             resolution: self.resolution,
-            z_up: self.z_up,
             fixed_topology: self.fixed_topology,
+            options: &self.options,
         }
-        .claim(&self.out)?;
+        .claim(&self.out, self.resume)?;
         let file = |number: usize| self.out.join(format!("mesh-f{number:05}.{}", self.format.extension()));
-        let frames = (1..).zip(motion.frames).map(|(number, parameters)| Frame { path: file(number), parameters });
+        let frames = (1..).zip(clip.frames).map(|(number, parameters)| Frame { path: file(number), parameters });
         let missing: Vec<Frame> = frames.filter(|frame| !frame.path.exists()).collect();
         let kept = total - missing.len();
+        if kept > 0 {
+            log::info!("{kept} of {total} meshes are there already and are kept");
+        }
+        let stop = stop::on_interrupt()?;
         let mut progress = Progress::new();
         let mut done = kept;
         let mut show = |more: usize| {
             done += more;
             progress.show("meshes", done as f64 / total as f64, &format!("{done} of {total}"));
+            done
         };
         let mut dropped_components = 0;
+        show(0);
         if self.fixed_topology {
             let topology = FixedTopology::new(&avatar, &body, self.resolution)?;
             dropped_components = topology.dropped_components();
             // Files of different frames are written at the same time.
-            for frames in missing.chunks(rayon::current_num_threads()) {
+            for frames in missing.chunks(rayon::current_num_threads()).take_while(|_| !stop.load(Ordering::Relaxed)) {
                 frames
                     .par_iter()
                     .try_for_each(|frame| self.format.write(&frame.path, &topology.pose(&frame.parameters)?))?;
@@ -113,39 +123,74 @@ impl Animate {
             }
         } else {
             let animator = Animator::new(&avatar, &body, &labels)?;
-            for frame in &missing {
+            for frame in missing.iter().take_while(|_| !stop.load(Ordering::Relaxed)) {
                 let extraction = animator.extract(&frame.parameters, self.resolution)?;
                 dropped_components += extraction.dropped_components;
                 self.format.write(&frame.path, &extraction.mesh)?;
                 show(1);
             }
         }
+        let done = show(0);
         progress.finish();
-        if kept > 0 {
-            eprintln!("{kept} of {total} meshes were there already and are kept");
-        }
         if dropped_components > 0 {
-            eprintln!("kept the largest part of each mesh; {dropped_components} smaller ones left out");
+            log::info!("kept the largest part of each mesh; {dropped_components} smaller ones left out");
         }
-        println!("{}: {total} meshes", self.out.display());
+        if done < total {
+            println!("{}: {done} of {total} meshes; go on with the same call and --resume", self.out.display());
+            return Ok(Outcome::Stopped);
+        }
+        println!("{}: {total} meshes, {} per second", self.out.display(), clip.frames_per_second);
         Ok(Outcome::Done)
     }
 }
 
-impl Source {
-    const FILE: &str = "animation.json";
+impl Source<'_> {
+    const FILE: &'static str = "animation.json";
 
-    /// Notes the source in a new folder; finds it noted in that of an earlier call.
-    fn claim(&self, folder: &Path) -> anyhow::Result<()> {
+    /// Notes the source in a new folder; to resume, finds the same noted there.
+    fn claim(&self, folder: &Path, resume: bool) -> anyhow::Result<()> {
         let note = folder.join(Self::FILE);
         if outputs::is_new_or_empty(folder)? {
             outputs::existing_folder(folder)?;
             return outputs::write_json(&note, self);
         }
-        let text = std::fs::read_to_string(&note).unwrap_or_default();
-        if serde_json::from_str(&text).ok().as_ref() != Some(self) {
-            bail!("{}: the folder is not empty, and not of the same animation; give a new --out", folder.display());
+        if !resume {
+            bail!("{}: the folder is not empty; give a new --out, or --resume to go on with it", folder.display());
+        }
+        let text = std::fs::read_to_string(&note)
+            .with_context(|| format!("{}: no animation was begun in this folder; give a new --out", note.display()))?;
+        let noted: serde_json::Value = serde_json::from_str(&text)
+            .with_context(|| format!("{}: not readable; give a new --out", note.display()))?;
+        // Through text as well, so that numbers are rounded alike.
+        let asked: serde_json::Value = serde_json::from_str(&serde_json::to_string(self)?)?;
+        let mut differences = Vec::new();
+        compare("", &noted, &asked, &mut differences);
+        if !differences.is_empty() {
+            let differences = differences.join("; ");
+            bail!(
+                "{}: not the same animation: {differences}; repeat the first call's arguments, or give a new --out",
+                folder.display()
+            );
         }
         Ok(())
     }
+}
+
+/// Lists what differs between two JSON values, each with its name.
+fn compare(name: &str, noted: &serde_json::Value, asked: &serde_json::Value, differences: &mut Vec<String>) {
+    if let (Some(noted), Some(asked)) = (noted.as_object(), asked.as_object()) {
+        let names: std::collections::BTreeSet<&String> = noted.keys().chain(asked.keys()).collect();
+        for name in names {
+            let [noted, asked] = [noted, asked].map(|values| values.get(name).unwrap_or(&serde_json::Value::Null));
+            compare(name, noted, asked, differences);
+        }
+    } else if noted != asked {
+        differences.push(format!("{name} was {noted}, now {asked}"));
+    }
+}
+
+fn checksum(bytes: &[u8]) -> u32 {
+    let mut checksum = flate2::Crc::new();
+    checksum.update(bytes);
+    checksum.sum()
 }

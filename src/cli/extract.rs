@@ -48,7 +48,7 @@ impl Extract {
             _ => avatar.extract_canonical(&BodyModel::canonical_parameters(&avatar.subject.betas), self.resolution)?,
         };
         if dropped_components > 0 {
-            eprintln!("kept the largest part; {dropped_components} smaller ones left out");
+            log::info!("kept the largest part; {dropped_components} smaller ones left out");
         }
         format.write(&self.out, &mesh)?;
         println!("{}: {} vertices, {} faces", self.out.display(), mesh.vertices.len(), mesh.faces.len());

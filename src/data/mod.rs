@@ -11,14 +11,18 @@ mod motion;
 mod npy;
 mod npz;
 mod pickle;
+mod rgbd;
 mod xhumans;
 
 pub use array::{Array, ArrayData, ArrayMap};
 pub use check::{CheckReport, DistanceReport, HandReport, SequenceReport, UnusableFrame, check};
-pub use motion::{Motion, read_motion, write_motion};
+pub use motion::{
+    Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
+};
 pub use npy::read_npy;
 pub use npz::{read_npz, write_npz};
 pub use pickle::{Value, read_pickle, read_pickle_arrays, write_pickle};
+pub use rgbd::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdFrame, RgbdSource};
 pub use xhumans::{Subject, read_frame, write_subject};
 
 use std::path::PathBuf;

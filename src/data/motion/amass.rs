@@ -4,8 +4,8 @@
 
 use std::path::Path;
 
-use super::Motion;
 use super::frames::FrameReader;
+use super::{Motion, UpAxis};
 use crate::data::ArrayMap;
 use crate::data::fields::Fields;
 use crate::{Error, Result};
@@ -40,5 +40,6 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     let frames_per_second = reader.frames_per_second(&["mocap_frame_rate", "mocap_framerate"])?;
     let mut zeroed = reader.zeroed();
     zeroed.push("expression".into());
-    Ok(Motion { frames, frames_per_second, source: format!("{} ({FORMAT})", path.display()), zeroed })
+    let source = format!("{} ({FORMAT})", path.display());
+    Ok(Motion { frames, frames_per_second, up: UpAxis::Z, source, zeroed, ..Motion::default() })
 }

@@ -5,8 +5,8 @@
 
 use std::path::Path;
 
-use super::Motion;
 use super::frames::{FrameReader, rotation};
+use super::{Motion, UpAxis};
 use crate::Result;
 use crate::body::BodyParameters;
 use crate::data::ArrayMap;
@@ -46,7 +46,8 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     let frames_per_second = reader.frames_per_second(&["framerate"])?;
     let mut zeroed = reader.zeroed();
     zeroed.push("betas".into());
-    Ok(Motion { frames, frames_per_second, source: format!("{} ({FORMAT})", path.display()), zeroed })
+    let source = format!("{} ({FORMAT})", path.display());
+    Ok(Motion { frames, frames_per_second, up: UpAxis::Z, source, zeroed, ..Motion::default() })
 }
 
 fn separate_poses(reader: &mut FrameReader) -> Result<Vec<BodyParameters>> {

@@ -1,53 +1,48 @@
 //! Motions: sequences of SMPL-X parameters to animate an avatar with (docs/motion.md).
 //!
-//! Read from X-Humans `SMPLX` folders, AMASS and GRAB archives, and our own npz, which is also written. Each keeps the
-//! hand convention of its source, as a type. T frames; radians, metres. AMASS and GRAB point Z up, unlike everything
-//! else here: [`Motion::turned_from_z_up`].
+//! Read from X-Humans `SMPLX` folders, AMASS and GRAB archives, and our own npz, which is also written. A [`Motion`] is what
+//! its source says, in the source's conventions, which are types; a [`Clip`] is what any avatar can be animated with. T frames;
+//! radians, metres.
 
 mod amass;
+mod clip;
+mod conventions;
+mod dance;
 mod frames;
 mod grab;
 mod own;
+mod rest;
+mod timing;
 
 use std::path::{Path, PathBuf};
 
-use glam::{Quat, Vec3};
-
 use super::xhumans::{motion_files, parameters_of};
 use super::{ArrayMap, read_npz, read_pickle_arrays};
-use crate::body::{BodyParameters, PoseAxisAngle};
+use crate::body::BodyParameters;
 use crate::{Error, Result};
 
+pub use clip::{Clip, MotionOptions};
+pub use conventions::{HandConvention, Translation, UpAxis};
 pub use own::write_motion;
+pub use rest::RestPose;
 
-/// A sequence of body parameters.
-#[derive(Clone, Debug, PartialEq)]
+/// A sequence of body parameters, as its source has it.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
     /// The parameters of each frame (T), at least one.
     pub frames: Vec<BodyParameters>,
     /// How fast the frames follow each other, if the source says.
     pub frames_per_second: Option<f32>,
+    /// The axis that points up.
+    pub up: UpAxis,
+    /// Whether the format leaves no doubt about `up`, so that a body that lies down is not taken for a world that does.
+    pub up_is_certain: bool,
     /// Where the motion is from: the path and the format it was read as.
     pub source: String,
     /// Parameters that the source does not have, so that they are zero in every frame.
     pub zeroed: Vec<String>,
-}
-
-impl Motion {
-    /// The motion, made with Z up, in this library's Y up: rotated by -90 degrees about X.
-    ///
-    /// The whole motion is also shifted by the constant vector between the pelvis and its rotated position, less than
-    /// half a metre: the rotation is about the body model's origin only once a model is known.
-    #[must_use]
-    pub fn turned_from_z_up(mut self) -> Self {
-        let turn = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
-        for frame in &mut self.frames {
-            let orientation = turn * Quat::from_scaled_axis(frame.global_orient.0);
-            frame.global_orient = PoseAxisAngle(orientation.to_scaled_axis());
-            frame.transl = Vec3::new(frame.transl.x, frame.transl.z, -frame.transl.y);
-        }
-        self
-    }
+    /// What else the reader has to say, a line each.
+    pub notes: Vec<String>,
 }
 
 /// Reads a motion: a folder of X-Humans frames (or a sequence's folder with `SMPLX` in it), one such frame, or an npz file.
@@ -56,7 +51,11 @@ impl Motion {
 /// [`Error::Missing`] if nothing is there; [`Error::Mismatch`] listing each format and what it lacks if the file is in none;
 /// [`Error::Malformed`] naming the array, or the frame's file, that breaks its format.
 pub fn read_motion(path: impl AsRef<Path>) -> Result<Motion> {
-    let path = path.as_ref();
+    read_motion_onto(path.as_ref(), &RestPose::default())
+}
+
+/// Reads a motion for a body with this skeleton, onto which motions of other skeletons are turned.
+fn read_motion_onto(path: &Path, _rest: &RestPose) -> Result<Motion> {
     if path.is_dir() {
         return read_folder(path);
     }
@@ -109,9 +108,10 @@ fn read_frames(source: &Path, files: &[PathBuf]) -> Result<Motion> {
     let frames = files.iter().map(|file| frame(file)).collect::<Result<_>>()?;
     Ok(Motion {
         frames,
-        frames_per_second: None,
         source: format!("{} (X-Humans frames)", source.display()),
         zeroed: vec!["betas".into()],
+        up_is_certain: true,
+        ..Motion::default()
     })
 }
 
@@ -119,20 +119,6 @@ fn read_frames(source: &Path, files: &[PathBuf]) -> Result<Motion> {
 mod tests {
     use super::*;
     use crate::data::{Array, write_npz};
-
-    // Lying on the back in Y up is standing in Z up: Z-up data of a standing body turns its Y axis to Z by +90 degrees.
-    #[test]
-    fn standing_in_z_up_is_standing_in_y_up() {
-        let standing = BodyParameters {
-            global_orient: PoseAxisAngle(Vec3::X * std::f32::consts::FRAC_PI_2),
-            transl: Vec3::new(1.0, 2.0, 3.0),
-            ..Default::default()
-        };
-        let motion = Motion { frames: vec![standing], frames_per_second: None, source: String::new(), zeroed: vec![] };
-        let turned = motion.turned_from_z_up();
-        assert!(turned.frames[0].global_orient.0.length() < 1e-6);
-        assert_eq!(turned.frames[0].transl, Vec3::new(1.0, 3.0, -2.0));
-    }
 
     #[test]
     fn a_file_in_no_format_is_told_what_each_lacks() {

@@ -40,7 +40,7 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     let frames = left_hand.into_iter().enumerate().zip(right_hand).map(frame).collect();
     let frames_per_second = reader.frames_per_second(&["frames_per_second"])?;
     let source = format!("{} ({FORMAT})", path.display());
-    Ok(Motion { frames, frames_per_second, source, zeroed: reader.zeroed() })
+    Ok(Motion { frames, frames_per_second, up_is_certain: true, source, zeroed: reader.zeroed(), ..Motion::default() })
 }
 
 fn hands(reader: &mut FrameReader) -> Result<(Vec<HandPose>, Vec<HandPose>)> {
