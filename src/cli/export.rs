@@ -1,15 +1,19 @@
 //! `xavatar export`: an avatar as one file for other programs: rigged and moving, or a textured mesh.
 
+use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use clap::ValueEnum;
+use serde::Serialize;
 use xavatar::avatar::{Avatar, Extraction};
-use xavatar::body::{BodyModel, BodyParameters};
-use xavatar::data::read_motion;
-use xavatar::export::{Deviation, RigReport, Rigging, TextureReport, bake_texture, write_glb};
-use xavatar::mesh::{write_obj, write_ply};
+use xavatar::body::BodyModel;
+use xavatar::data::Clip;
+use xavatar::export::{RigReport, Rigging, TextureReport, bake_texture, write_glb};
+use xavatar::mesh::{TriangleMesh, write_obj, write_ply};
 
+use super::json::JsonArgument;
+use super::motion::MotionArguments;
 use super::progress::Progress;
 use super::{Outcome, outputs};
 
@@ -53,6 +57,10 @@ pub struct Export {
     /// GLB: most morph targets for what skinning leaves of the motion; 0 for none
     #[arg(long, value_name = "N", default_value_t = 64)]
     correctives: usize,
+    #[command(flatten)]
+    json: JsonArgument,
+    #[command(flatten)]
+    options: MotionArguments,
 }
 
 /// How an avatar is written.
@@ -76,6 +84,7 @@ impl Export {
         for file in format.files(&self.out, texture.is_some()) {
             outputs::new_file(&file)?;
         }
+        self.json.check()?;
         let avatar = Avatar::load(&self.avatar)?;
         let mut progress = Progress::new();
         match format {
@@ -90,7 +99,8 @@ impl Export {
             Some(path) => Some(BodyModel::load(path, avatar.subject.gender)?),
             None => None,
         };
-        let clip = self.clip()?;
+        let motion = self.motion.as_deref().unwrap_or(Path::new(Clip::DANCE));
+        let clip = self.options.load(motion, avatar)?;
         let rigging =
             Rigging { resolution: self.resolution, influences: self.influences, correctives: self.correctives };
         progress.show("rig", 0.0, "the canonical surface");
@@ -98,7 +108,7 @@ impl Export {
             rigging.rig(avatar, body.as_ref(), &clip.frames, clip.frames_per_second, |done, total| {
                 progress.show("rig", done as f64 / total as f64, &format!("{done} of {total} frames"));
             })?;
-        rigged.animation.name = clip.name;
+        rigged.animation.name = motion.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let baked = match texture {
             Some(size) => {
                 let (textured, report) = rigged.with_texture(avatar, size, baking(progress))?;
@@ -110,20 +120,17 @@ impl Export {
         write_glb(&self.out, &rigged)?;
         progress.finish();
         say_dropped(report.dropped_components);
-        println!(
-            "{}: {} vertices, {} faces, {} joints, {} influences, {} morphs, {} frames at {} a second",
-            self.out.display(),
-            rigged.mesh.vertices.len(),
-            rigged.mesh.faces.len(),
-            rigged.joints.len(),
-            rigged.influences,
-            rigged.morphs.len(),
-            rigged.animation.frames(),
-            rigged.animation.frames_per_second,
-        );
-        print_rig(&report);
-        baked.iter().for_each(print_texture);
-        Ok(())
+        let mut exported = Exported::new(&self.out, &rigged.mesh);
+        exported.rig = Some(report);
+        exported.texture = baked;
+        exported.clip = Some(ClipSize {
+            frames: rigged.animation.frames(),
+            frames_per_second: rigged.animation.frames_per_second,
+            joints: rigged.joints.len(),
+            influences: rigged.influences,
+            morphs: rigged.morphs.len(),
+        });
+        self.json.print(&exported, &exported)
     }
 
     fn write_mesh(
@@ -149,31 +156,8 @@ impl Export {
         }
         progress.finish();
         say_dropped(dropped_components);
-        println!("{}: {} vertices, {} faces", self.out.display(), mesh.vertices.len(), mesh.faces.len());
-        baked.iter().for_each(print_texture);
-        Ok(())
-    }
-}
-
-/// A named motion.
-struct Clip {
-    name: String,
-    frames: Vec<BodyParameters>,
-    frames_per_second: f32,
-}
-
-impl Export {
-    fn clip(&self) -> anyhow::Result<Clip> {
-        let Some(path) = &self.motion else {
-            let subject = xavatar::mannequin::BuiltInSubject::new()?;
-            let frames = (0..72)
-                .map(|f| subject.parameters(xavatar::mannequin::Split::Test, f, 72))
-                .collect::<xavatar::Result<_>>()?;
-            return Ok(Clip { name: "dance".into(), frames, frames_per_second: 30.0 });
-        };
-        let motion = read_motion(path)?;
-        let name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-        Ok(Clip { name, frames: motion.frames, frames_per_second: motion.frames_per_second.unwrap_or(30.0) })
+        let exported = Exported { texture: baked, ..Exported::new(&self.out, &mesh) };
+        self.json.print(&exported, &exported)
     }
 }
 
@@ -200,6 +184,50 @@ impl Format {
     }
 }
 
+/// What was written.
+#[derive(Serialize)]
+struct Exported {
+    file: PathBuf,
+    vertices: usize,
+    faces: usize,
+    clip: Option<ClipSize>,
+    rig: Option<RigReport>,
+    texture: Option<TextureReport>,
+}
+
+#[derive(Serialize)]
+struct ClipSize {
+    frames: usize,
+    frames_per_second: f32,
+    joints: usize,
+    influences: usize,
+    morphs: usize,
+}
+
+impl Exported {
+    fn new(file: &Path, mesh: &TriangleMesh) -> Self {
+        let (vertices, faces) = (mesh.vertices.len(), mesh.faces.len());
+        Self { file: file.to_path_buf(), vertices, faces, clip: None, rig: None, texture: None }
+    }
+}
+
+impl Display for Exported {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(formatter, "{}: {} vertices, {} faces", self.file.display(), self.vertices, self.faces)?;
+        if let Some(ClipSize { frames, frames_per_second, joints, influences, morphs }) = &self.clip {
+            writeln!(formatter, "{joints} joints, {influences} influences a vertex, {morphs} morphs")?;
+            writeln!(formatter, "{frames} frames at {frames_per_second} a second")?;
+        }
+        if let Some(rig) = &self.rig {
+            writeln!(formatter, "{rig}")?;
+        }
+        if let Some(texture) = &self.texture {
+            writeln!(formatter, "{texture}")?;
+        }
+        Ok(())
+    }
+}
+
 /// Shows how far a texture is.
 fn baking(progress: &mut Progress) -> impl FnMut(usize, usize) {
     |done, total| progress.show("texture", done as f64 / total as f64, &format!("{done} of {total} texels"))
@@ -207,38 +235,8 @@ fn baking(progress: &mut Progress) -> impl FnMut(usize, usize) {
 
 fn say_dropped(components: usize) {
     if components > 0 {
-        eprintln!("kept the largest part; {components} smaller ones left out");
+        log::info!("kept the largest part; {components} smaller ones left out");
     }
-}
-
-fn print_rig(report: &RigReport) {
-    let millimetres = |deviation: &Deviation| {
-        format!("mean {:.4} mm, max {:.4} mm", 1000.0 * deviation.mean, f64::from(deviation.max) * 1000.0)
-    };
-    println!("against the exact motion of the same surface, over all vertices and frames:");
-    println!(
-        "  skinning weights cut    mean {:.3} %, max {:.3} % ({} joints hold a vertex at most): {}",
-        100.0 * report.cut_weight_mean,
-        100.0 * report.cut_weight_max,
-        report.most_influences,
-        millimetres(&report.pruning)
-    );
-    println!("  without correctives     {}", millimetres(&report.uncorrected));
-    println!("  with {:3} correctives    {}", report.correctives, millimetres(&report.corrected));
-}
-
-fn print_texture(report: &TextureReport) {
-    println!(
-        "texture: {} x {} texels, {} charts, {:.0} % surface, {:.0} texels a metre; {:.1} dB PSNR against the field ({:.1} dB \
-         with vertex colours)",
-        report.width,
-        report.height,
-        report.charts,
-        100.0 * report.coverage,
-        report.texels_per_metre,
-        report.psnr,
-        report.vertex_psnr
-    );
 }
 
 fn influences(text: &str) -> Result<usize, String> {

@@ -3,10 +3,13 @@
 //! A texel whose centre is just outside every chart shows the plane of the nearest face, so that bilinear look-ups at a seam
 //! mix colours of the surface only; the rest of the image repeats the nearest of those, so that mipmaps bleed nothing. S points.
 
+use std::fmt::{self, Display, Formatter};
+
 use glam::{Vec2, Vec3};
 use image::{Rgb, RgbImage};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
 
 use super::rig::RiggedMesh;
 use super::unwrap::Unwrapped;
@@ -26,7 +29,7 @@ const ROUNDING: f32 = 1e-5;
 const NONE: u32 = u32::MAX;
 
 /// How well a texture shows the field's colours.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TextureReport {
     /// Columns of the image.
     pub width: u32,
@@ -42,6 +45,18 @@ pub struct TextureReport {
     pub psnr: f64,
     /// The same of the vertex colours that it replaces, dB.
     pub vertex_psnr: f64,
+}
+
+impl Display for TextureReport {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        let Self { width, height, charts, coverage, texels_per_metre, psnr, vertex_psnr } = self;
+        let covered = 100.0 * coverage;
+        write!(
+            formatter,
+            "texture {width} x {height}, {charts} charts, {covered:.0} % covered, {texels_per_metre:.0} texels a metre; "
+        )?;
+        write!(formatter, "PSNR against the field {psnr:.1} dB ({vertex_psnr:.1} dB with vertex colours)")
+    }
 }
 
 impl RiggedMesh {

@@ -10,6 +10,7 @@ mod expressions;
 mod glb;
 mod influences;
 mod reference;
+mod report;
 mod rig;
 mod rigging;
 mod skeleton;
@@ -17,5 +18,6 @@ mod unwrap;
 
 pub use bake::{Baked, TextureReport, bake_texture};
 pub use glb::write_glb;
+pub use report::{Deviation, RigReport};
 pub use rig::{Animation, Joint, Morph, RiggedMesh};
-pub use rigging::{Deviation, RigReport, Rigging};
+pub use rigging::Rigging;

@@ -11,6 +11,7 @@ use super::correctives::Correctives;
 use super::expressions::EXPRESSIONS;
 use super::influences::Influences;
 use super::reference::{Frame, Reference, skin};
+use super::report::{RigReport, Sum};
 use super::rig::{Animation, Morph, RiggedMesh, blend, morph, skinning_transforms};
 use crate::avatar::Avatar;
 use crate::body::{BodyModel, BodyParameters, JOINTS};
@@ -20,6 +21,8 @@ use crate::{Error, Result};
 const TOLERANCE: f32 = 4e-5;
 /// Memory for the displacements that correctives are fitted to, bytes. Of longer clips evenly spaced frames are taken.
 const FIT_MEMORY: usize = 256 << 20;
+/// Shorter offsets of a morph are zero, metres: most of a body is not part of an expression.
+const NEGLIGIBLE: f32 = 1e-6;
 /// Where skinning has flattened the body, a displacement is not worth more than this per unit of what it moves.
 const DAMPING: f32 = 1e-4;
 
@@ -34,40 +37,10 @@ pub struct Rigging {
     pub correctives: usize,
 }
 
-/// Distances between the rig's vertices and the exact ones, over all vertices of all frames, metres.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Deviation {
-    /// The mean.
-    pub mean: f64,
-    /// The largest.
-    pub max: f32,
-}
-
-/// What a rig loses against the exact motion of the same surface.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RigReport {
-    /// Most joints that hold a vertex of the avatar.
-    pub most_influences: usize,
-    /// Share of the skinning weights that was cut, mean over the vertices.
-    pub cut_weight_mean: f64,
-    /// The same, of the vertex that lost most.
-    pub cut_weight_max: f32,
-    /// What the cut weights alone do.
-    pub pruning: Deviation,
-    /// The rig without correctives.
-    pub uncorrected: Deviation,
-    /// The rig with them.
-    pub corrected: Deviation,
-    /// How many corrective morph targets there are.
-    pub correctives: usize,
-    /// Smaller components of the canonical surface that were left out.
-    pub dropped_components: usize,
-}
-
 impl Rigging {
     /// Rigs `avatar` to play `frames` (T), whose bodies take the avatar's shape. Without a body model what that would add is
-    /// missing: pose correctives, and expressions other than those of the geometry field. `progress` hears of frames done
-    /// and their number; every frame is visited twice.
+    /// missing: pose correctives, and expressions other than those of the geometry field. `progress` hears of visits to
+    /// frames done and their number, about three a frame.
     ///
     /// # Errors
     /// [`Error::Value`] for settings out of range, a motion without frames, or hands relative to a body model that is not given;
@@ -81,85 +54,56 @@ impl Rigging {
         mut progress: impl FnMut(usize, usize),
     ) -> Result<(RiggedMesh, RigReport)> {
         self.check(frames, frames_per_second)?;
-        let reference = Reference::new(avatar, body, self.resolution)?;
-        let influences = Influences::strongest(&reference.weights, JOINTS, self.influences);
-        let expression = |(index, offsets)| Morph { name: format!("expression_{index}"), offsets };
-        let mut builder = Builder {
-            morphs: reference.expressions()?.into_iter().enumerate().map(expression).collect(),
-            reference,
-            influences,
-        };
-        let fitted = (FIT_MEMORY / (size_of::<Vec3>() * builder.reference.mesh.vertices.len()).max(1))
-            .clamp(2, frames.len().max(2));
-        let stride = frames.len().div_ceil(fitted);
-        let total = frames.len().div_ceil(stride) + frames.len();
-        let mut done = 0;
+        let mut builder = Builder::new(avatar, body, self)?;
+        let stride = builder.stride(frames.len());
+        let fitted = if self.correctives == 0 { 0 } else { frames.len().div_ceil(stride) };
+        let (mut done, total) = (0, fitted + 2 * frames.len());
         let mut advance = || {
             done += 1;
             progress(done, total);
         };
-        let correctives = match self.correctives {
-            0 => Correctives::default(),
-            most => {
-                let mut displacements = Vec::new();
-                for parameters in frames.iter().step_by(stride) {
-                    let frame = builder.reference.frame(parameters)?;
-                    displacements.push(builder.displacements(&frame));
-                    advance();
-                }
-                Correctives::fit(displacements, most, TOLERANCE)
-            }
-        };
-        let mut animation = Animation {
-            name: "motion".into(),
-            frames_per_second,
-            rotations: Vec::new(),
-            root_translations: Vec::new(),
-            morph_weights: Vec::new(),
-        };
+        let mut displacements = Vec::with_capacity(fitted);
+        for (index, parameters) in frames.iter().enumerate().step_by(stride).take(fitted) {
+            displacements.push(builder.displacements(&builder.frame(index, parameters)?));
+            advance();
+        }
+        let correctives = Correctives::fit(displacements, self.correctives, TOLERANCE);
+
         let (mut pruning, mut uncorrected) = (Sum::default(), Sum::default());
-        let mut amounts: Vec<Vec<f32>> = Vec::new();
-        for parameters in frames {
-            let frame = builder.reference.frame(parameters)?;
+        let mut animation = Animation::new(frames_per_second);
+        let mut amounts: Vec<Vec<f32>> = Vec::with_capacity(frames.len());
+        for (index, parameters) in frames.iter().enumerate() {
+            let frame = builder.frame(index, parameters)?;
             let transforms = builder.transforms(&frame);
             pruning.add(&skin(&builder.influences, &transforms, &frame.points), &frame.posed);
-            uncorrected.add(&builder.expressive(&frame, &transforms), &frame.posed);
+            uncorrected.add(&skin(&builder.influences, &transforms, &builder.expressed(&frame)), &frame.posed);
             amounts.push(correctives.weights(&builder.displacements(&frame)));
             animation.push(&frame);
             advance();
         }
-        let count = amounts.first().map_or(0, Vec::len);
         builder.add_correctives(correctives, &mut amounts);
         for (parameters, amounts) in frames.iter().zip(amounts) {
             animation.morph_weights.extend(parameters.expression.iter().chain(&amounts));
         }
-        let Builder { reference, influences, morphs } = builder;
-        let cut = influences.kept.iter().map(|kept| (1.0 - kept).max(0.0));
-        let mut report = RigReport {
-            most_influences: reference.most_influences(),
-            cut_weight_mean: cut.clone().map(f64::from).sum::<f64>() / influences.kept.len().max(1) as f64,
+
+        // Of what is written, not of how it was made.
+        let rigged = builder.rigged(animation);
+        let mut corrected = Sum::default();
+        for (index, parameters) in frames.iter().enumerate() {
+            corrected.add(&rigged.posed(index), &builder.frame(index, parameters)?.posed);
+            advance();
+        }
+        let cut = builder.influences.kept.iter().map(|kept| (1.0 - kept).max(0.0));
+        let report = RigReport {
+            most_influences: builder.reference.most_influences(),
+            cut_weight_mean: cut.clone().map(f64::from).sum::<f64>() / cut.len().max(1) as f64,
             cut_weight_max: cut.fold(0.0, f32::max),
             pruning: pruning.deviation(),
             uncorrected: uncorrected.deviation(),
-            corrected: Deviation::default(),
-            correctives: count,
-            dropped_components: reference.dropped_components,
+            corrected: corrected.deviation(),
+            correctives: builder.morphs.len() - EXPRESSIONS,
+            dropped_components: builder.reference.dropped_components,
         };
-        let rigged = RiggedMesh {
-            mesh: reference.mesh.clone(),
-            joints: reference.joints.clone(),
-            influences: influences.count,
-            skin_joints: influences.joints,
-            skin_weights: influences.weights,
-            morphs,
-            animation,
-        };
-        // Of what is written, not of how it was made.
-        let mut corrected = Sum::default();
-        for (frame, parameters) in frames.iter().enumerate() {
-            corrected.add(&rigged.posed(frame), &reference.frame(parameters)?.posed);
-        }
-        report.corrected = corrected.deviation();
         Ok((rigged, report))
     }
 
@@ -190,7 +134,25 @@ struct Builder<'a> {
     morphs: Vec<Morph>,
 }
 
-impl Builder<'_> {
+impl<'a> Builder<'a> {
+    fn new(avatar: &Avatar, body: Option<&'a BodyModel>, rigging: &Rigging) -> Result<Self> {
+        let reference = Reference::new(avatar, body, rigging.resolution)?;
+        let influences = Influences::strongest(&reference.weights, JOINTS, rigging.influences);
+        let expression = |(index, offsets)| Morph::new(format!("expression_{index}"), offsets);
+        let morphs = reference.expressions()?.into_iter().enumerate().map(expression).collect();
+        Ok(Self { reference, influences, morphs })
+    }
+
+    /// Every how many of `count` frames correctives are fitted to.
+    fn stride(&self, count: usize) -> usize {
+        let fit = FIT_MEMORY / (size_of::<Vec3>() * self.reference.mesh.vertices.len()).max(1);
+        count.div_ceil(fit.max(2))
+    }
+
+    fn frame(&self, index: usize, parameters: &BodyParameters) -> Result<Frame> {
+        self.reference.frame(parameters).map_err(|error| error.in_frame(format!("{} of the motion", index + 1)))
+    }
+
     fn transforms(&self, frame: &Frame) -> Vec<Affine3A> {
         skinning_transforms(&self.reference.joints, &frame.rotations, frame.root)
     }
@@ -200,11 +162,6 @@ impl Builder<'_> {
         let mut points = self.reference.mesh.vertices.clone();
         morph(&mut points, &self.morphs[..EXPRESSIONS], &frame.expression);
         points
-    }
-
-    /// The rig without correctives (V).
-    fn expressive(&self, frame: &Frame, transforms: &[Affine3A]) -> Vec<Vec3> {
-        skin(&self.influences, transforms, &self.expressed(frame))
     }
 
     /// What has to be added to the canonical vertices (V) for the frame to be exact: with A the blended matrix and r what is
@@ -229,12 +186,42 @@ impl Builder<'_> {
             let largest = amounts.iter().map(|amounts| amounts[index].abs()).fold(f32::MIN_POSITIVE, f32::max);
             offsets.iter_mut().for_each(|offset| *offset *= largest);
             amounts.iter_mut().for_each(|amounts| amounts[index] /= largest);
-            self.morphs.push(Morph { name: format!("corrective_{index}"), offsets });
+            self.morphs.push(Morph::new(format!("corrective_{index}"), offsets));
+        }
+    }
+
+    fn rigged(&self, animation: Animation) -> RiggedMesh {
+        RiggedMesh {
+            mesh: self.reference.mesh.clone(),
+            joints: self.reference.joints.clone(),
+            influences: self.influences.count,
+            skin_joints: self.influences.joints.clone(),
+            skin_weights: self.influences.weights.clone(),
+            morphs: self.morphs.clone(),
+            animation,
         }
     }
 }
 
+impl Morph {
+    fn new(name: String, mut offsets: Vec<Vec3>) -> Self {
+        let negligible = offsets.iter_mut().filter(|offset| offset.length_squared() < NEGLIGIBLE * NEGLIGIBLE);
+        negligible.for_each(|offset| *offset = Vec3::ZERO);
+        Self { name, offsets }
+    }
+}
+
 impl Animation {
+    fn new(frames_per_second: f32) -> Self {
+        Self {
+            name: "motion".into(),
+            frames_per_second,
+            rotations: Vec::new(),
+            root_translations: Vec::new(),
+            morph_weights: Vec::new(),
+        }
+    }
+
     fn push(&mut self, frame: &Frame) {
         let mut rotations = frame.rotations.to_vec();
         if let Some(before) = self.rotations.last() {
@@ -244,28 +231,5 @@ impl Animation {
         }
         self.rotations.push(rotations);
         self.root_translations.push(frame.root);
-    }
-}
-
-/// A deviation while it is summed.
-#[derive(Default)]
-struct Sum {
-    sum: f64,
-    count: usize,
-    max: f32,
-}
-
-impl Sum {
-    fn add(&mut self, vertices: &[Vec3], exact: &[Vec3]) {
-        for (vertex, exact) in vertices.iter().zip(exact) {
-            let distance = vertex.distance(*exact);
-            self.sum += f64::from(distance);
-            self.max = self.max.max(distance);
-        }
-        self.count += vertices.len();
-    }
-
-    fn deviation(&self) -> Deviation {
-        Deviation { mean: self.sum / self.count.max(1) as f64, max: self.max }
     }
 }
