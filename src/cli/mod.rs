@@ -9,14 +9,17 @@ mod ablate;
 mod animate;
 mod check;
 mod completions;
+mod convert;
 mod demo;
 mod eval;
 mod export;
 mod extract;
+mod filmed;
 mod gallery;
 mod info;
 mod inputs;
 mod json;
+mod measured_run;
 mod messages;
 mod motion;
 mod outputs;
@@ -60,6 +63,7 @@ enum Verb {
     Extract(extract::Extract),
     Animate(animate::Animate),
     Export(export::Export),
+    Convert(convert::Convert),
     Info(info::Info),
     Completions(completions::Completions),
 }
@@ -118,6 +122,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
         Verb::Export(verb) => verb.run(),
+        Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
