@@ -13,6 +13,7 @@ mod completions;
 mod convert;
 mod demo;
 mod eval;
+mod export;
 mod extract;
 mod filmed;
 mod fuse;
@@ -65,6 +66,7 @@ enum Verb {
     Fuse(fuse::Fuse),
     Extract(extract::Extract),
     Animate(animate::Animate),
+    Export(export::Export),
     Convert(convert::Convert),
     Info(info::Info),
     #[command(name = "pointcloud")]
@@ -126,6 +128,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Fuse(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
+        Verb::Export(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),
