@@ -232,9 +232,12 @@ impl<'a> Trainer<'a> {
         }
         let lost = assigned_off.iter().zip(&samples.off_targets).filter(|(winner, _)| winner.is_none());
         record.inside_without_root += lost.filter(|(_, target)| inside(**target)).count();
-        self.canonical.anchor(WEIGHT_POINTS, &mut random, &mut batch);
+        // Skinning on a grid is held by its logits instead.
+        let weight_points = if fields.skinning.voxels().is_some() { 0 } else { WEIGHT_POINTS };
+        self.canonical.anchor(weight_points, &mut random, &mut batch);
         let count = self.config.sampling.far_points;
         self.canonical.far(count, fields.geometry.representation, &mut random, &mut batch);
+        record.points += batch.far_points.len();
         if let Some(rgbd) = &self.config.rgbd {
             self.canonical.unseen(rgbd.unseen_points, self.config.sampling.deviation, &mut random, &mut batch);
         }
