@@ -229,3 +229,18 @@ impl PosedField<'_> {
         values
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_union_starts_from_the_points_own_part_the_body_and_the_head() {
+        let groups = union_start_groups(Starts::Part).unwrap();
+        for part in Part::ALL {
+            let bones = groups.bones(Some(part_label(part))).unwrap();
+            let expected = [part, Part::Body, Part::Face].into_iter().flat_map(Part::joints);
+            assert!(expected.into_iter().all(|bone| bones.contains(bone)), "{part:?}");
+        }
+    }
+}

@@ -157,8 +157,7 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
     }
     report.section("what changes the cost of a step of paper-scan");
     for (name, settings, threads) in VARIANTS {
-        let mut measured =
-            run("paper-scan", &format!("{};schedule.steps=3;{settings}", BATCHES[0].2), threads)?;
+        let mut measured = run("paper-scan", &format!("{};schedule.steps=3;{settings}", BATCHES[0].2), threads)?;
         let step: Seconds = measured.remove("step").ok_or("no step was measured")?.into();
         report.seconds(name, &step);
     }

@@ -270,13 +270,16 @@ impl<'a> Trainer<'a> {
             Assignment::Body => {
                 let depths: Vec<f32> =
                     candidates.points.par_iter().map(|point| self.canonical.distance(*point)).collect();
-                let possible = |point: usize, index: usize| {
-                    depths[index] < CERTAINLY_OUTSIDE && (is_inside[point] || depths[index] > -DEEPEST_SURFACE)
-                };
+                let possible = |point: usize, index: usize| may_train(depths[index], is_inside[point]);
                 posed.winners_among(candidates, possible, |index, best| depths[index] < depths[best])
             }
         }
     }
+}
+
+/// Whether a point, inside the captured body or not, may be trained through a root this far from the unclothed one, metres.
+fn may_train(distance: f32, is_inside: bool) -> bool {
+    distance < CERTAINLY_OUTSIDE && (is_inside || distance > -DEEPEST_SURFACE)
 }
 
 pub(super) fn add_time(record: &mut StepRecord, phase: &'static str, begin: Instant) {
@@ -288,4 +291,15 @@ fn generator(seed: u64, stage: Stage, step: u64, slot: u64) -> ChaCha8Rng {
     let mut random = ChaCha8Rng::seed_from_u64(seed ^ (stage as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     random.set_stream(step << 16 | (slot & 0xffff));
     random
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_surface_is_trained_deep_in_the_body_and_nothing_far_from_it() {
+        assert!(may_train(0.02, false) && may_train(-0.005, false) && !may_train(-0.03, false));
+        assert!(may_train(0.02, true) && may_train(-0.03, true) && !may_train(0.2, true));
+    }
 }
