@@ -74,6 +74,9 @@ fn check<T: Real>(name: &str, shape: MlpShape, tolerance: f64) {
     mlp.forward(&mut trace, &points, &shared, &[]);
     assert_close("value", trace.output(), &golden.real::<T>("y"), tolerance);
     assert_close("feature", trace.features(&mlp), &golden.real::<T>("feature"), tolerance);
+    let mut alone = Trace::default();
+    mlp.evaluate(&mut alone, &points, &shared, &[]);
+    assert_eq!((alone.output(), alone.features(&mlp)), (trace.output(), trace.features(&mlp)));
 
     let seed: Vec<T> = golden.real("c");
     let mut gradient = mlp.zero_gradient();
