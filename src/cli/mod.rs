@@ -11,6 +11,7 @@ mod check;
 mod completions;
 mod convert;
 mod demo;
+mod doctor;
 mod eval;
 mod extract;
 mod gallery;
@@ -61,6 +62,7 @@ enum Verb {
     Animate(animate::Animate),
     Convert(convert::Convert),
     Info(info::Info),
+    Doctor(doctor::Doctor),
     Completions(completions::Completions),
 }
 
@@ -119,6 +121,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Animate(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
+        Verb::Doctor(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
 }
