@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use xavatar::avatar::Avatar;
 use xavatar::config::Config;
 use xavatar::mannequin::{BuiltInSubject, Split};
-use xavatar::train::{Event, Stage, Trainer};
+use xavatar::train::{Event, Stage, Trainer, TrainingFrames};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let run = PathBuf::from(std::env::args().nth(1).ok_or("give a new folder for the run")?);
@@ -34,7 +34,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     // Set from another thread, this stops the run after the step; `Trainer::resume` goes on.
     let stop = AtomicBool::new(false);
-    let mut trainer = Trainer::start(&config, &frames, subject.model(), subject.part_labels(), &run, &mut watch)?;
+    let (body, labels) = (subject.model(), subject.part_labels());
+    let mut trainer = Trainer::start(&config, TrainingFrames::Scans(&frames), body, labels, &run, &mut watch)?;
     trainer.run(&stop, &mut watch)?;
 
     println!("{}", run.join(Avatar::FILE).display());

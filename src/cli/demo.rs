@@ -11,9 +11,11 @@ use xavatar::data::{ScanFrame, write_npz, write_pickle, write_subject};
 use xavatar::evaluate::Evaluation;
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::mesh::{TriangleMesh, write_ply};
-use xavatar::train::{Ending, Trainer};
+use xavatar::render::write_png;
+use xavatar::train::{Ending, Trainer, TrainingFrames};
 
-use super::gallery::Gallery;
+use super::filmed::FilmedInDepth;
+use super::gallery::{Gallery, sheet_of_pictures};
 use super::json::JsonArgument;
 use super::progress::Progress;
 use super::{Outcome, outputs, stop};
@@ -22,12 +24,16 @@ use super::{Outcome, outputs, stop};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     xavatar demo\n  \
+    xavatar demo --rgbd --out runs/demo-rgbd\n  \
     xavatar demo --write-data mannequin && xavatar check mannequin --body mannequin/body\n\n\
     A demo that was stopped goes on when the same command is given again.")]
 pub struct Demo {
     /// Do the same with far fewer steps, frames and cells, to see that everything works
     #[arg(long)]
     smoke: bool,
+    /// Learn from the pictures of an RGB-D camera that goes around the subject once, instead of from scans
+    #[arg(long)]
+    rgbd: bool,
     /// The folder for the run, the meshes and the pictures: new or empty
     #[arg(long, value_name = "DIR", default_value = "runs/demo")]
     out: PathBuf,
@@ -48,6 +54,8 @@ struct Size {
     samples: usize,
     /// Columns and rows of one picture, pixels.
     picture: (u32, u32),
+    /// Columns and rows of what the RGB-D camera takes, pixels.
+    filmed: [u32; 2],
     /// What differs from the preset.
     settings: &'static [(&'static str, &'static str)],
 }
@@ -58,6 +66,7 @@ const FULL: Size = Size {
     resolution: 224,
     samples: Evaluation::SAMPLES,
     picture: (300, 500),
+    filmed: [800, 1200],
     settings: &[],
 };
 
@@ -67,6 +76,7 @@ const SMOKE: Size = Size {
     resolution: 64,
     samples: 2000,
     picture: (120, 200),
+    filmed: [200, 300],
     settings: &[
         ("schedule.steps", "12"),
         ("schedule.pretraining_steps", "20"),
@@ -84,7 +94,12 @@ impl Demo {
         self.json.check()?;
         let resumes = self.resumes()?;
         let subject = BuiltInSubject::new()?;
-        let frames = subject.film(Split::Train, size.training_frames)?;
+        let scans = subject.film(Split::Train, size.training_frames)?;
+        let pictures = if self.rgbd { Some(FilmedInDepth::new(&scans, size.filmed)?) } else { None };
+        let frames = match &pictures {
+            Some(pictures) => TrainingFrames::Rgbd(pictures),
+            None => TrainingFrames::Scans(&scans),
+        };
         let stop = stop::on_interrupt()?;
         let (body, labels) = (subject.model(), subject.part_labels());
         let mut progress = Progress::new();
@@ -93,10 +108,13 @@ impl Demo {
             Trainer::configuration(&self.out)?
         } else {
             let settings = size.settings.iter().map(|(key, value)| (key.to_string(), value.to_string()));
-            Config::preset_with("demo", &settings.collect::<Vec<_>>())?
+            Config::preset_with(self.preset(), &settings.collect::<Vec<_>>())?
         };
         let begin = if resumes { Trainer::resume } else { Trainer::start };
-        let mut trainer = begin(&config, &frames, body, labels, &self.out, &mut progress)?;
+        let mut trainer = begin(&config, frames, body, labels, &self.out, &mut progress)?;
+        if let Some(pictures) = &pictures {
+            write_png(self.out.join("pictures.png"), &sheet_of_pictures(&pictures.frames, size.picture)?)?;
+        }
         let trained = trainer.run(stop, &mut progress)?;
         let shown = match trained {
             Ending::Finished => self.show(&trainer.avatar(), &subject, size, stop, &mut progress)?,
@@ -112,6 +130,10 @@ impl Demo {
         }
     }
 
+    fn preset(&self) -> &'static str {
+        if self.rgbd { "demo-rgbd" } else { "demo" }
+    }
+
     /// Written last: its presence says that the demo is complete.
     fn metrics_file(&self) -> PathBuf {
         self.out.join("metrics.json")
@@ -123,7 +145,7 @@ impl Demo {
             return Ok(false);
         }
         let config = self.out.join("config.toml");
-        if self.metrics_file().exists() || !config.exists() || Config::read(&config)?.preset != "demo" {
+        if self.metrics_file().exists() || !config.exists() || Config::read(&config)?.preset != self.preset() {
             bail!("{}: the folder is not empty; remove it, or give another --out", self.out.display());
         }
         Ok(true)

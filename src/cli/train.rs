@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use xavatar::avatar::Avatar;
 use xavatar::config::Config;
-use xavatar::train::{Ending, Trainer};
+use xavatar::train::{Ending, Trainer, TrainingFrames};
 
 use super::inputs::{SubjectArguments, SubjectFrames};
 use super::progress::Progress;
@@ -41,7 +41,8 @@ impl Train {
         let mut progress = Progress::new();
         log::info!("part labels: {}", opened.labels.source);
         let begin = if self.resume { Trainer::resume } else { Trainer::start };
-        let mut trainer = begin(&config, &frames, &opened.body, &opened.labels, &self.out, &mut progress)?;
+        let mut trainer =
+            begin(&config, TrainingFrames::Scans(&frames), &opened.body, &opened.labels, &self.out, &mut progress)?;
         let ending = trainer.run(stop, &mut progress)?;
         progress.finish();
         let (data, body, out) = (self.subject.data.display(), self.subject.body.display(), self.out.display());

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 use xavatar_network::{
-    Backward, Bounds, GeometryField, KinematicTree, Mlp, MlpGradient, SkinningField, SkinningTrace, SkinningWeights,
+    Backward, Bounds, GeometryField, KinematicTree, MlpGradient, SkinningField, SkinningTrace, SkinningWeights,
     TextureField, Trace, matrix_product,
 };
 

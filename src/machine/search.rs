@@ -10,7 +10,7 @@ use crate::avatar::Avatar;
 use crate::config::{Config, SearchedField, Starts};
 use crate::correspondence::{PosedField, PosedWarp, bake, bone_rows, start_groups};
 use crate::mannequin::{BuiltInSubject, Split};
-use crate::train::{Event, Trainer};
+use crate::train::{Event, Trainer, TrainingFrames};
 use crate::{Error, Result};
 
 /// The avatar of a posed body, and points to search for.
@@ -58,7 +58,8 @@ impl PosedSubject {
         let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
         let (frame, model, labels) = (subject.film(Split::Train, 1)?, subject.model(), subject.part_labels());
         let mut unwatched = |_: Event<'_>| {};
-        let mut trainer = Trainer::start(&config, &frame, model, labels, folder.path(), &mut unwatched)?;
+        let mut trainer =
+            Trainer::start(&config, TrainingFrames::Scans(&frame), model, labels, folder.path(), &mut unwatched)?;
         trainer.run(&AtomicBool::new(false), &mut unwatched)?;
         let avatar = trainer.avatar();
         let parameters = &frame.frames()[0].parameters;
