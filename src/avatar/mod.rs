@@ -190,7 +190,7 @@ impl Avatar {
         let evaluate = |points: &[Vec3], values: &mut [f32]| {
             let mut trace = Trace::default();
             for (values, points) in values.chunks_mut(BLOCK_ROWS).zip(points.chunks(BLOCK_ROWS)) {
-                network.forward(&mut trace, arrays(points).as_flattened(), &embedded, &[]);
+                network.evaluate(&mut trace, arrays(points).as_flattened(), &embedded, &[]);
                 values.copy_from_slice(trace.output());
             }
         };
