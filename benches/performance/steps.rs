@@ -6,13 +6,12 @@ use std::collections::BTreeMap;
 use std::process::{Command, Stdio};
 use std::sync::atomic::AtomicBool;
 
-use xavatar::body::Gender;
 use xavatar::config::Config;
-use xavatar::data::{FrameId, FrameSource, ScanFrame};
+use xavatar::machine::Seconds;
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::train::{Event, Observer, Stage, Trainer, TrainingFrames};
 
-use crate::report::{Report, Seconds};
+use crate::report::Report;
 
 /// The environment variable that makes this program measure one case: its settings, as `key=value` joined by semicolons.
 pub const CASE: &str = "XAVATAR_PERFORMANCE_CASE";
@@ -35,39 +34,6 @@ const VARIANTS: [(&str, &str, Option<&str>); 6] = [
     ("paper_scan_step_55_bones_s", "starts=\"all\"", None),
     ("paper_scan_step_1_thread_s", "", Some("1")),
 ];
-
-/// One frame of the built-in subject, again and again.
-pub struct OneFrame {
-    frame: ScanFrame,
-    ids: Vec<FrameId>,
-    betas: [f32; 10],
-}
-
-impl OneFrame {
-    /// The first frame of the training take.
-    pub fn of(subject: &BuiltInSubject) -> xavatar::Result<Self> {
-        let frame = subject.frame(Split::Train, 0, 1)?;
-        Ok(Self { ids: vec![frame.id.clone()], betas: subject.betas(), frame })
-    }
-}
-
-impl FrameSource for OneFrame {
-    fn ids(&self) -> &[FrameId] {
-        &self.ids
-    }
-
-    fn read(&self, _: usize) -> xavatar::Result<ScanFrame> {
-        Ok(self.frame.clone())
-    }
-
-    fn betas(&self) -> [f32; 10] {
-        self.betas
-    }
-
-    fn gender(&self) -> Gender {
-        Gender::Neutral
-    }
-}
 
 /// Seconds of each step on frames, in all (`step`) and by phase.
 #[derive(Default)]
@@ -96,7 +62,7 @@ pub fn child(case: &str) -> Result<(), Box<dyn std::error::Error>> {
     let (_, preset) = &settings[0];
     let config = Config::preset_with(preset, &settings[1..])?;
     let subject = BuiltInSubject::new()?;
-    let (source, folder, mut timings) = (OneFrame::of(&subject)?, tempfile::tempdir()?, Timings::default());
+    let (source, folder, mut timings) = (subject.film(Split::Train, 1)?, tempfile::tempdir()?, Timings::default());
     let (model, labels) = (subject.model(), subject.part_labels());
     let mut trainer =
         Trainer::start(&config, TrainingFrames::Scans(&source), model, labels, folder.path(), &mut timings)?;

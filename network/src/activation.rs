@@ -11,7 +11,8 @@ use crate::Real;
 /// Sharpness of the softplus.
 pub(crate) const SHARPNESS: f64 = 100.0;
 
-static ARCH: LazyLock<pulp::Arch> = LazyLock::new(pulp::Arch::new);
+/// The widest vector instructions of this machine.
+pub(crate) static ARCH: LazyLock<pulp::Arch> = LazyLock::new(pulp::Arch::new);
 
 /// Runs `pass` compiled for the widest vector instructions of this machine. `pass` must inline.
 #[inline(always)]

@@ -6,6 +6,7 @@
 mod animator;
 mod fixed_topology;
 mod official;
+mod query;
 mod shading;
 
 use std::collections::HashMap;
@@ -18,6 +19,7 @@ use xavatar_network::{Representation, Trace};
 pub use self::animator::Animator;
 pub use self::fixed_topology::FixedTopology;
 pub use self::official::OfficialMeta;
+pub use self::query::Sample;
 
 use self::shading::{Posing, shade};
 use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels};

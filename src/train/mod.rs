@@ -40,6 +40,13 @@ pub trait Observer {
     fn event(&mut self, event: Event<'_>);
 }
 
+/// A closure that takes events; `|_: Event<'_>| {}` watches nothing.
+impl<F: FnMut(Event<'_>)> Observer for F {
+    fn event(&mut self, event: Event<'_>) {
+        self(event);
+    }
+}
+
 /// What happens in a run.
 #[derive(Debug)]
 pub enum Event<'a> {
