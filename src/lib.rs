@@ -13,6 +13,7 @@ pub mod data;
 mod error;
 pub mod evaluate;
 pub mod fields;
+pub mod filming;
 pub mod mannequin;
 pub mod mesh;
 mod picture_file;
