@@ -12,6 +12,7 @@ pub mod correspondence;
 pub mod data;
 mod error;
 pub mod evaluate;
+pub mod export;
 pub mod fields;
 pub mod filming;
 pub mod mannequin;

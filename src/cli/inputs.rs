@@ -76,6 +76,11 @@ impl SubjectFrames {
         }
     }
 
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.files.len()
+    }
+
     /// All frames, one at a time.
     pub fn iter(&self) -> impl Iterator<Item = xavatar::Result<ScanFrame>> {
         (0..self.files.len()).map(|index| self.read(index))

@@ -67,11 +67,15 @@ pub(super) fn referenced_file(referrer: &Path, format: &'static str, place: Stri
 
 /// Writes a texture whose row 0 is v = 0 as a PNG for OBJ and PLY.
 pub(super) fn write_texture(path: &Path, image: &RgbImage) -> Result<()> {
-    let mut encoded = Vec::new();
-    image::imageops::flip_vertical(image)
-        .write_to(&mut Cursor::new(&mut encoded), ImageFormat::Png)
-        .map_err(|e| Error::Io { path: path.into(), source: std::io::Error::other(e) })?;
+    let encoded = encode_png(&image::imageops::flip_vertical(image)).map_err(Error::io(path))?;
     write_atomically(path, |writer| std::io::Write::write_all(writer, &encoded))
+}
+
+/// The bytes of a PNG file.
+pub(crate) fn encode_png(image: &RgbImage) -> std::io::Result<Vec<u8>> {
+    let mut encoded = Vec::new();
+    image.write_to(&mut Cursor::new(&mut encoded), ImageFormat::Png).map_err(std::io::Error::other)?;
+    Ok(encoded)
 }
 
 #[cfg(test)]
