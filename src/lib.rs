@@ -14,6 +14,7 @@ mod error;
 pub mod evaluate;
 pub mod export;
 pub mod fields;
+pub mod filming;
 pub mod mannequin;
 pub mod mesh;
 mod picture_file;

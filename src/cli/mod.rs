@@ -27,6 +27,7 @@ mod motion;
 mod outputs;
 mod pointcloud;
 mod progress;
+mod render_rgbd;
 mod stop;
 mod train;
 mod training;
@@ -71,6 +72,7 @@ enum Verb {
     Info(info::Info),
     #[command(name = "pointcloud")]
     PointCloud(pointcloud::PointCloudOf),
+    RenderRgbd(render_rgbd::RenderRgbd),
     Completions(completions::Completions),
 }
 
@@ -132,6 +134,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),
+        Verb::RenderRgbd(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
 }
