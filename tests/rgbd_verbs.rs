@@ -34,6 +34,53 @@ fn the_demo_learns_from_pictures_alone() {
     assert!(printed.contains("not empty"), "{printed}");
 }
 
+/// Copies a folder's files and folders.
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let (from, to) = (entry.as_ref().unwrap().path(), to.join(entry.unwrap().file_name()));
+        if from.is_dir() {
+            copy(&from, &to);
+        } else {
+            std::fs::copy(from, to).unwrap();
+        }
+    }
+}
+
+#[test]
+fn the_data_choose_the_preset_and_a_turn_is_seen_part_by_part() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scans, pictures) = (folder.path().join("scans"), folder.path().join("pictures"));
+    assert_eq!(outcome(&["demo", "--smoke", "--write-data", text(&scans)]).0, 0);
+    let (code, printed) = outcome(&["render-rgbd", text(&scans), "--steps-per-turn", "3", "--out", text(&pictures)]);
+    assert_eq!(code, 0, "{printed}");
+    let (body, run) = (scans.join("body"), folder.path().join("run"));
+    let tiny: Vec<&str> = ["sampling.points=300", "schedule.pretraining_steps=20", "fields.skinning.spacing=0.12"]
+        .into_iter()
+        .flat_map(|setting| ["--set", setting])
+        .chain(["--steps", "6"])
+        .collect();
+    let train = ["train", text(&pictures), "--body", text(&body), "--out", text(&run), "--preset", "demo"];
+    let (code, printed) = outcome(&[&train[..], &tiny].concat());
+    assert_eq!(code, 0, "{printed}");
+    assert_eq!(Config::read(&run.join("config.toml")).unwrap().preset, "demo-rgbd");
+    let (code, printed) = outcome(&[&train[..], &["--resume", "--from", "scans"]].concat());
+    assert!(code == 1 && printed.contains("other frames"), "{printed}");
+
+    copy(&scans, &pictures);
+    let out = folder.path().join("fusion");
+    let fuse = ["fuse", text(&pictures), "--body", text(&body), "--out", text(&out), "--preset", "demo"];
+    let fuse = [&fuse[..], &["--turns", "360,120", "--resolution", "48"], &tiny].concat();
+    let (code, printed) = outcome(&fuse);
+    assert_eq!(code, 0, "{printed}");
+    let table: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("fusion.json")).unwrap()).unwrap();
+    let trained_on: Vec<_> = table["rows"].as_array().unwrap().iter().map(|row| row["trained_on"].as_u64()).collect();
+    assert_eq!(trained_on, [Some(1), Some(3)], "one view, then all around");
+    assert!(out.join("fusion.png").is_file() && out.join("fusion.md").is_file());
+    let (code, printed) = outcome(&fuse);
+    assert!(code == 0 && printed.contains("360 degrees: trained already"), "{printed}");
+}
+
 #[test]
 fn where_there_are_no_pictures_scans_are_learned_from_or_an_error_says_so() {
     let folder = tempfile::tempdir().unwrap();

@@ -3,18 +3,19 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
+use rayon::prelude::*;
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{BodyModel, Gender};
 use xavatar::config::Config;
-use xavatar::data::{ScanFrame, write_npz, write_pickle, write_subject};
+use xavatar::data::{FrameId, FrameSource, ScanFrame, write_npz, write_pickle, write_subject};
 use xavatar::evaluate::Evaluation;
+use xavatar::filming::{FilmedScans, Turntable};
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::mesh::{TriangleMesh, write_ply};
 use xavatar::render::write_png;
 use xavatar::train::{Ending, Trainer, TrainingFrames};
 
-use super::filmed::{Filmed, FilmedInDepth};
 use super::gallery::{Gallery, sheet_of_pictures};
 use super::json::JsonArgument;
 use super::progress::Progress;
@@ -95,7 +96,8 @@ impl Demo {
         let resumes = self.resumes()?;
         let subject = BuiltInSubject::new()?;
         let scans = Filmed::new(&subject, Split::Train, size.training_frames)?;
-        let pictures = if self.rgbd { Some(FilmedInDepth::new(&scans, size.filmed)?) } else { None };
+        let table = Turntable { size: size.filmed, steps_per_turn: size.training_frames as u32 };
+        let pictures = if self.rgbd { Some(FilmedScans::new(&scans, table)?) } else { None };
         let frames = match &pictures {
             Some(pictures) => TrainingFrames::Rgbd(pictures),
             None => TrainingFrames::Scans(&scans),
@@ -113,7 +115,7 @@ impl Demo {
         let begin = if resumes { Trainer::resume } else { Trainer::start };
         let mut trainer = begin(&config, frames, body, labels, &self.out, &mut progress)?;
         if let Some(pictures) = &pictures {
-            write_png(self.out.join("pictures.png"), &sheet_of_pictures(&pictures.frames, size.picture)?)?;
+            write_png(self.out.join("pictures.png"), &sheet_of_pictures(pictures, size.picture)?)?;
         }
         let trained = trainer.run(stop, &mut progress)?;
         let shown = match trained {
@@ -230,4 +232,39 @@ fn write_data(folder: &Path, size: &Size) -> anyhow::Result<Outcome> {
         "try next\n  xavatar check {data} --body {body}\n  xavatar train {data} --body {body} --out runs/mannequin --minutes 5"
     );
     Ok(Outcome::Done)
+}
+
+/// One take of the built-in subject, in memory.
+struct Filmed {
+    frames: Vec<ScanFrame>,
+    ids: Vec<FrameId>,
+    betas: [f32; 10],
+}
+
+impl Filmed {
+    fn new(subject: &BuiltInSubject, split: Split, count: usize) -> anyhow::Result<Self> {
+        let frames: xavatar::Result<Vec<_>> =
+            (0..count).into_par_iter().map(|index| subject.frame(split, index, count)).collect();
+        let frames = frames.context("filming the built-in subject")?;
+        let ids = frames.iter().map(|frame| frame.id.clone()).collect();
+        Ok(Self { frames, ids, betas: subject.betas() })
+    }
+}
+
+impl FrameSource for Filmed {
+    fn ids(&self) -> &[FrameId] {
+        &self.ids
+    }
+
+    fn read(&self, index: usize) -> xavatar::Result<ScanFrame> {
+        Ok(self.frames[index].clone())
+    }
+
+    fn betas(&self) -> [f32; 10] {
+        self.betas
+    }
+
+    fn gender(&self) -> Gender {
+        Gender::Neutral
+    }
 }

@@ -6,7 +6,7 @@ use glam::Vec3;
 use image::imageops::{FilterType, resize};
 use image::{Rgb, RgbImage};
 use xavatar::Result;
-use xavatar::data::RgbdFrame;
+use xavatar::data::{RgbdFrame, RgbdSource};
 use xavatar::mesh::TriangleMesh;
 use xavatar::render::{Camera, FRONT, THREE_QUARTER, Tile, View, contact_sheet, render_mesh, write_png};
 
@@ -59,16 +59,19 @@ impl Gallery {
 const SHOWN: usize = 6;
 
 /// What the RGB-D camera took: colours above depths, evenly spread over the take.
-pub fn sheet_of_pictures(frames: &[RgbdFrame], size: (u32, u32)) -> Result<RgbImage> {
-    let shown = frames.iter().step_by(frames.len().div_ceil(SHOWN).max(1));
+pub fn sheet_of_pictures(source: &dyn RgbdSource, size: (u32, u32)) -> Result<RgbImage> {
+    let count = source.ids().len();
+    let shown: Result<Vec<_>> =
+        (0..count).step_by(count.div_ceil(SHOWN).max(1)).map(|index| source.read(index)).collect();
     let scaled = |picture: &RgbImage| {
         let width = (picture.width() * size.1 / picture.height().max(1)).max(1);
         resize(picture, width, size.1, FilterType::Triangle)
     };
-    let (colours, depths) = shown
+    let (colours, depths) = shown?
+        .iter()
         .map(|frame| {
             let depth = depth_picture(frame);
-            (Tile::new(scaled(&frame.colour), frame.id.to_string()), Tile::new(scaled(&depth), "its depth"))
+            (Tile::new(scaled(&frame.colour), "picture"), Tile::new(scaled(&depth), "its depth"))
         })
         .unzip();
     contact_sheet(&[colours, depths])

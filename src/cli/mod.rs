@@ -15,7 +15,6 @@ mod demo;
 mod eval;
 mod export;
 mod extract;
-mod filmed;
 mod fuse;
 mod gallery;
 mod info;
