@@ -3,12 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Context, bail};
-use rayon::prelude::*;
+use anyhow::bail;
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{BodyModel, Gender};
 use xavatar::config::Config;
-use xavatar::data::{FrameId, FrameSource, ScanFrame, write_npz, write_pickle, write_subject};
+use xavatar::data::{ScanFrame, write_npz, write_pickle, write_subject};
 use xavatar::evaluate::Evaluation;
 use xavatar::filming::{FilmedScans, Turntable};
 use xavatar::mannequin::{BuiltInSubject, Split};
@@ -95,7 +94,7 @@ impl Demo {
         self.json.check()?;
         let resumes = self.resumes()?;
         let subject = BuiltInSubject::new()?;
-        let scans = Filmed::new(&subject, Split::Train, size.training_frames)?;
+        let scans = subject.film(Split::Train, size.training_frames)?;
         let table = Turntable { size: size.filmed, steps_per_turn: size.training_frames as u32 };
         let pictures = if self.rgbd { Some(FilmedScans::new(&scans, table)?) } else { None };
         let frames = match &pictures {
@@ -164,15 +163,15 @@ impl Demo {
     ) -> anyhow::Result<Ending> {
         let meshes = self.out.join("meshes");
         outputs::existing_folder(&meshes)?;
-        let unseen = Filmed::new(subject, Split::Test, size.unseen_frames)?;
+        let unseen = subject.film(Split::Test, size.unseen_frames)?;
         let animator = Animator::new(avatar, subject.model(), subject.part_labels())?;
         let mut gallery = Gallery::new(size.picture);
         let mut posed: Vec<TriangleMesh> = Vec::new();
-        for (index, frame) in unseen.frames.iter().enumerate() {
+        for (index, frame) in unseen.frames().iter().enumerate() {
             if stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Stopped);
             }
-            let share = index as f64 / (unseen.frames.len() + 1) as f64;
+            let share = index as f64 / (unseen.frames().len() + 1) as f64;
             progress.show("meshes", share, &format!("unseen pose {}", index + 1));
             let mesh = animator.extract(&frame.parameters, size.resolution)?.mesh;
             write_ply(meshes.join(format!("unseen-f{:05}.ply", frame.id.number)), &mesh)?;
@@ -195,7 +194,7 @@ impl Demo {
         };
         // Frames of one take are numbered from 1 in order.
         let predict = |frame: &ScanFrame| Ok(posed[frame.id.number as usize - 1].clone());
-        let report = evaluation.run(unseen.frames.iter().cloned().map(Ok), predict, |_| {})?;
+        let report = evaluation.run(unseen.frames().iter().cloned().map(Ok), predict, |_| {})?;
         progress.finish();
         outputs::write_json(&self.metrics_file(), &report)?;
         let table = format!(
@@ -232,39 +231,4 @@ fn write_data(folder: &Path, size: &Size) -> anyhow::Result<Outcome> {
         "try next\n  xavatar check {data} --body {body}\n  xavatar train {data} --body {body} --out runs/mannequin --minutes 5"
     );
     Ok(Outcome::Done)
-}
-
-/// One take of the built-in subject, in memory.
-struct Filmed {
-    frames: Vec<ScanFrame>,
-    ids: Vec<FrameId>,
-    betas: [f32; 10],
-}
-
-impl Filmed {
-    fn new(subject: &BuiltInSubject, split: Split, count: usize) -> anyhow::Result<Self> {
-        let frames: xavatar::Result<Vec<_>> =
-            (0..count).into_par_iter().map(|index| subject.frame(split, index, count)).collect();
-        let frames = frames.context("filming the built-in subject")?;
-        let ids = frames.iter().map(|frame| frame.id.clone()).collect();
-        Ok(Self { frames, ids, betas: subject.betas() })
-    }
-}
-
-impl FrameSource for Filmed {
-    fn ids(&self) -> &[FrameId] {
-        &self.ids
-    }
-
-    fn read(&self, index: usize) -> xavatar::Result<ScanFrame> {
-        Ok(self.frames[index].clone())
-    }
-
-    fn betas(&self) -> [f32; 10] {
-        self.betas
-    }
-
-    fn gender(&self) -> Gender {
-        Gender::Neutral
-    }
 }

@@ -12,6 +12,7 @@ mod check;
 mod completions;
 mod convert;
 mod demo;
+mod doctor;
 mod eval;
 mod export;
 mod extract;
@@ -69,6 +70,7 @@ enum Verb {
     Export(export::Export),
     Convert(convert::Convert),
     Info(info::Info),
+    Doctor(doctor::Doctor),
     #[command(name = "pointcloud")]
     PointCloud(pointcloud::PointCloudOf),
     RenderRgbd(render_rgbd::RenderRgbd),
@@ -132,6 +134,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Export(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
+        Verb::Doctor(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),
         Verb::RenderRgbd(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
