@@ -71,6 +71,11 @@ impl<'a> FixedTopology<'a> {
         self.dropped_components
     }
 
+    /// Skinning weights of the canonical vertices (V, J), row-major; each row sums to 1.
+    pub fn weights(&self) -> &[f32] {
+        &self.weights
+    }
+
     /// The mesh posed by `parameters`, in the avatar's own shape and in the world. It has the faces and colours of the canonical
     /// mesh.
     ///

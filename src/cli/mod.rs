@@ -20,6 +20,7 @@ mod messages;
 mod motion;
 mod outputs;
 mod progress;
+mod render;
 mod stop;
 mod train;
 mod training;
@@ -58,6 +59,7 @@ enum Verb {
     Ablate(ablate::Ablate),
     Extract(extract::Extract),
     Animate(animate::Animate),
+    Render(render::Render),
     Info(info::Info),
     Completions(completions::Completions),
 }
@@ -115,6 +117,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Ablate(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
+        Verb::Render(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
