@@ -120,7 +120,7 @@ fn wrong_usage_exits_with_2_before_anything_is_read() {
 
 #[test]
 fn help_and_version_are_not_errors() {
-    for verb in ["demo", "check", "train", "eval", "ablate", "extract", "animate", "info", "completions"] {
+    for verb in ["demo", "check", "train", "eval", "ablate", "extract", "animate", "convert", "info", "completions"] {
         assert_outcome(&[verb, "--help"], 0, &["Example", &format!("xavatar {verb}")]);
     }
     assert_outcome(&["--version"], 0, &[env!("CARGO_PKG_VERSION")]);
@@ -360,6 +360,24 @@ fn info_describes_files_in_json() {
     let model = described(text(&Path::new(body).join("SMPLX_NEUTRAL.npz")));
     assert_eq!((&model["kind"], &model["gender"]), (&"body_model".into(), &"neutral".into()));
     assert_eq!(model["arrays"]["v_template"]["shape"], serde_json::json!([model["vertices"], 3]));
+}
+
+#[test]
+fn an_official_checkpoint_becomes_an_avatar() {
+    let (_, body) = data();
+    let official = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/official").join(name);
+    let (checkpoint, meta) = (official("scan.ckpt"), official("meta_info.npz"));
+    let folder = tempfile::tempdir().unwrap();
+    let (avatar, mesh) = (folder.path().join("avatar.safetensors"), folder.path().join("canonical.ply"));
+    let convert = ["convert", text(&checkpoint), "--meta", text(&meta), "--body", body, "--out", text(&avatar)];
+    assert_outcome(&convert, 0, &["avatar.safetensors"]);
+    assert_outcome(&convert, 1, &["exists already"]);
+    assert_outcome(&["info", text(&avatar)], 0, &["neutral", "preset paper-scan", "Occupancy"]);
+    assert_outcome(&["extract", text(&avatar), "--resolution", "32", "--out", text(&mesh)], 0, &["vertices"]);
+    let legacy = official("legacy.pth");
+    let out = folder.path().join("legacy.safetensors");
+    let convert = ["convert", text(&legacy), "--meta", text(&meta), "--body", body, "--out", text(&out)];
+    assert_outcome(&convert, 1, &["legacy.pth", "torch.save"]);
 }
 
 #[test]
