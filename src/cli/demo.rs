@@ -52,8 +52,8 @@ struct Size {
     resolution: usize,
     /// Points per surface that are measured.
     samples: usize,
-    /// Columns and rows of one picture, pixels.
-    picture: (u32, u32),
+    /// Rows of one picture, pixels.
+    picture: u32,
     /// Columns and rows of what the RGB-D camera takes, pixels.
     filmed: [u32; 2],
     /// What differs from the preset.
@@ -65,7 +65,7 @@ const FULL: Size = Size {
     unseen_frames: 5,
     resolution: 224,
     samples: Evaluation::SAMPLES,
-    picture: (300, 500),
+    picture: 520,
     filmed: [800, 1200],
     settings: &[],
 };
@@ -75,7 +75,7 @@ const SMOKE: Size = Size {
     unseen_frames: 1,
     resolution: 64,
     samples: 2000,
-    picture: (120, 200),
+    picture: 200,
     filmed: [200, 300],
     settings: &[
         ("schedule.steps", "12"),
@@ -175,7 +175,7 @@ impl Demo {
             progress.show("meshes", share, &format!("unseen pose {}", index + 1));
             let mesh = animator.extract(&frame.parameters, size.resolution)?.mesh;
             write_ply(meshes.join(format!("unseen-f{:05}.ply", frame.id.number)), &mesh)?;
-            gallery.add_pose(&frame.scan, &mesh)?;
+            gallery.add_pose(&frame.scan, &mesh);
             posed.push(mesh);
         }
         let canonical = BodyModel::canonical_parameters(&subject.betas());

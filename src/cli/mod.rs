@@ -27,6 +27,7 @@ mod motion;
 mod outputs;
 mod pointcloud;
 mod progress;
+mod render;
 mod render_rgbd;
 mod stop;
 mod train;
@@ -67,6 +68,7 @@ enum Verb {
     Fuse(fuse::Fuse),
     Extract(extract::Extract),
     Animate(animate::Animate),
+    Render(render::Render),
     Export(export::Export),
     Convert(convert::Convert),
     Info(info::Info),
@@ -131,6 +133,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Fuse(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
+        Verb::Render(verb) => verb.run(),
         Verb::Export(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
