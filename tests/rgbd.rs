@@ -139,7 +139,8 @@ fn points_lie_on_the_scan_and_know_their_parts() {
         let cloud = PointCloud::of(frame).unwrap();
         let surface = xavatar::mesh::SurfaceIndex::new(&scan.scan).unwrap();
         let farthest = cloud.points.iter().map(|point| surface.closest(*point).distance).fold(0.0, f32::max);
-        assert!(farthest < 1e-5, "{farthest} m");
+        // Single precision at 6 m.
+        assert!(farthest < 5e-5, "{farthest} m");
         let body = SUBJECT.model().pose(&frame.parameters).unwrap();
         let registration = Registration::new(&body.vertices, SUBJECT.part_labels()).unwrap();
         let parts = cloud.parts(&registration);
