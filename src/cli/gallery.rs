@@ -34,8 +34,8 @@ impl Gallery {
         Ok(())
     }
 
-    /// Writes the sheet, the canonical pose beside the others.
-    pub fn write(mut self, canonical: &TriangleMesh, path: &Path) -> Result<()> {
+    /// Writes the sheet, the canonical pose beside the others, and returns it.
+    pub fn write(mut self, canonical: &TriangleMesh, path: &Path) -> Result<RgbImage> {
         let camera = self.camera(canonical, FRONT)?;
         let columns = [
             (&mut self.subject, View::Normals, "canonical normals"),
@@ -45,7 +45,9 @@ impl Gallery {
         for (row, view, label) in columns {
             row.push(Tile::new(render_mesh(canonical, &camera, view)?, label));
         }
-        write_png(path, &contact_sheet(&[self.subject, self.avatar, self.shape])?)
+        let sheet = contact_sheet(&[self.subject, self.avatar, self.shape])?;
+        write_png(path, &sheet)?;
+        Ok(sheet)
     }
 
     fn camera(&self, mesh: &TriangleMesh, azimuth: f32) -> Result<Camera> {

@@ -27,9 +27,11 @@ mod motion;
 mod outputs;
 mod pointcloud;
 mod progress;
+mod report;
 mod stop;
 mod train;
 mod training;
+mod view;
 
 use std::process::ExitCode;
 
@@ -71,6 +73,7 @@ enum Verb {
     Info(info::Info),
     #[command(name = "pointcloud")]
     PointCloud(pointcloud::PointCloudOf),
+    View(view::View),
     Completions(completions::Completions),
 }
 
@@ -132,6 +135,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),
+        Verb::View(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
 }
