@@ -15,7 +15,7 @@ use xavatar::render::write_png;
 use xavatar::report::{Fact, REPORT_FILE, Report, machine};
 use xavatar::train::{Ending, Trainer, TrainingFrames};
 
-use super::filmed::{Filmed, FilmedInDepth};
+use super::filmed::FilmedInDepth;
 use super::gallery::{Gallery, sheet_of_pictures};
 use super::json::JsonArgument;
 use super::progress::Progress;
@@ -95,7 +95,7 @@ impl Demo {
         self.json.check()?;
         let resumes = self.resumes()?;
         let subject = BuiltInSubject::new()?;
-        let scans = Filmed::new(&subject, Split::Train, size.training_frames)?;
+        let scans = subject.film(Split::Train, size.training_frames)?;
         let pictures = if self.rgbd { Some(FilmedInDepth::new(&scans, size.filmed)?) } else { None };
         let frames = match &pictures {
             Some(pictures) => TrainingFrames::Rgbd(pictures),
@@ -163,15 +163,15 @@ impl Demo {
     ) -> anyhow::Result<Ending> {
         let meshes = self.out.join("meshes");
         outputs::existing_folder(&meshes)?;
-        let unseen = Filmed::new(subject, Split::Test, size.unseen_frames)?;
+        let unseen = subject.film(Split::Test, size.unseen_frames)?;
         let animator = Animator::new(avatar, subject.model(), subject.part_labels())?;
         let mut gallery = Gallery::new(size.picture);
         let mut posed: Vec<TriangleMesh> = Vec::new();
-        for (index, frame) in unseen.frames.iter().enumerate() {
+        for (index, frame) in unseen.frames().iter().enumerate() {
             if stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Stopped);
             }
-            let share = index as f64 / (unseen.frames.len() + 1) as f64;
+            let share = index as f64 / (unseen.frames().len() + 1) as f64;
             progress.show("meshes", share, &format!("unseen pose {}", index + 1));
             let mesh = animator.extract(&frame.parameters, size.resolution)?.mesh;
             write_ply(meshes.join(format!("unseen-f{:05}.ply", frame.id.number)), &mesh)?;
@@ -194,10 +194,10 @@ impl Demo {
         };
         // Frames of one take are numbered from 1 in order.
         let predict = |frame: &ScanFrame| Ok(posed[frame.id.number as usize - 1].clone());
-        let measured = evaluation.run(unseen.frames.iter().cloned().map(Ok), predict, |_| {})?;
+        let measured = evaluation.run(unseen.frames().iter().cloned().map(Ok), predict, |_| {})?;
         progress.finish();
         let shown = report::best_and_worst(&measured, |name| {
-            let frame = unseen.frames.iter().find(|frame| frame.id.to_string() == name);
+            let frame = unseen.frames().iter().find(|frame| frame.id.to_string() == name);
             let frame = frame.context("a frame that was just measured is gone")?;
             Ok((frame.clone(), predict(frame)?))
         })?;

@@ -12,6 +12,7 @@ mod check;
 mod completions;
 mod convert;
 mod demo;
+mod doctor;
 mod eval;
 mod export;
 mod extract;
@@ -71,6 +72,7 @@ enum Verb {
     Export(export::Export),
     Convert(convert::Convert),
     Info(info::Info),
+    Doctor(doctor::Doctor),
     #[command(name = "pointcloud")]
     PointCloud(pointcloud::PointCloudOf),
     View(view::View),
@@ -134,6 +136,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Export(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
+        Verb::Doctor(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),
         Verb::View(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
