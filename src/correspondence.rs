@@ -37,7 +37,8 @@ pub fn start_groups(starts: Starts) -> Result<StartGroups> {
     Ok(StartGroups::new(JOINTS, Part::ALL.map(part_joints).to_vec(), full)?)
 }
 
-/// The start groups for points of free space: the body's bones for every part too, since a hand may touch the body.
+/// The start groups of a union: for every part the body's and the face's bones too, since a hand may touch the body, and the
+/// scalp, which is labelled as body, moves with the head.
 ///
 /// # Errors
 /// Never for the SMPL-X skeleton.
@@ -46,7 +47,8 @@ pub fn union_start_groups(starts: Starts) -> Result<StartGroups> {
         return start_groups(starts);
     }
     let with_body = |part: Part| {
-        let others = Part::Body.joints().iter().filter(|joint| !part.joints().contains(joint));
+        let others = [Part::Body, Part::Face].into_iter().flat_map(Part::joints);
+        let others = others.filter(|joint| !part.joints().contains(joint));
         part.joints().iter().chain(others).copied().collect()
     };
     Ok(StartGroups::new(JOINTS, Part::ALL.map(with_body).to_vec(), FULL_GROUP.to_vec())?)
@@ -191,13 +193,27 @@ impl PosedField<'_> {
         candidates: &Candidates<f32>,
         is_preferred: impl Fn(usize, usize) -> bool,
     ) -> Vec<Option<usize>> {
+        self.winners_among(candidates, |_, _| true, is_preferred)
+    }
+
+    /// As [`PosedField::winners`], of those candidates that `is_possible` for (point, candidate).
+    pub fn winners_among(
+        &self,
+        candidates: &Candidates<f32>,
+        is_possible: impl Fn(usize, usize) -> bool,
+        is_preferred: impl Fn(usize, usize) -> bool,
+    ) -> Vec<Option<usize>> {
         let (low, high) = self.bounds;
-        let in_bounds = |index: &usize| {
-            let point = Vec3::from_array(candidates.points[*index]);
+        let in_bounds = |index: usize| {
+            let point = Vec3::from_array(candidates.points[index]);
             point.cmpge(low).all() && point.cmple(high).all()
         };
         let better = |best: usize, index: usize| if is_preferred(index, best) { index } else { best };
-        (0..candidates.len()).map(|point| candidates.range(point).filter(in_bounds).reduce(better)).collect()
+        let winner = |point: usize| {
+            let possible = candidates.range(point).filter(|&index| in_bounds(index) && is_possible(point, index));
+            possible.reduce(better)
+        };
+        (0..candidates.len()).map(winner).collect()
     }
 
     /// The geometry field's values (N) at canonical points (N).

@@ -5,6 +5,7 @@
 mod atomic_file;
 pub mod avatar;
 pub mod body;
+pub mod camera;
 pub mod canonical_grid;
 pub mod config;
 pub mod correspondence;

@@ -111,6 +111,8 @@ fn wrong_usage_exits_with_2_before_anything_is_read() {
         (vec!["eval", "/nowhere", "/nowhere", "--body", "/nowhere", "--baseline", "smpl"], "smplx+d"),
         (vec!["extract", "/nowhere", "--resolution", "100000"], "512"),
         (vec!["extract", "/nowhere", "--pose", "/nowhere"], "--body"),
+        (vec!["completions", "cmd"], "bash"),
+        (vec!["info", "/nowhere", "--log-format", "xml"], "json"),
     ] {
         assert_outcome(&arguments, 2, &[word]);
     }
@@ -118,7 +120,7 @@ fn wrong_usage_exits_with_2_before_anything_is_read() {
 
 #[test]
 fn help_and_version_are_not_errors() {
-    for verb in ["demo", "check", "train", "eval", "ablate", "extract", "animate", "info"] {
+    for verb in ["demo", "check", "train", "eval", "ablate", "extract", "animate", "convert", "info", "completions"] {
         assert_outcome(&[verb, "--help"], 0, &["Example", &format!("xavatar {verb}")]);
     }
     assert_outcome(&["--version"], 0, &[env!("CARGO_PKG_VERSION")]);
@@ -309,6 +311,80 @@ fn interrupted_ablations_go_on_and_end_in_one_table() {
     let again = assert_outcome(&ablate, 0, &["A4 no weight losses: trained already"]);
     assert!(!again.contains(": training"), "{again}");
     assert!(std::fs::read(out.join("ablations.json")).unwrap() == json, "nothing is trained or measured twice");
+}
+
+/// The lines of stderr, each a JSON object with a time and a kind.
+fn log_lines(stderr: &[u8]) -> Vec<serde_json::Value> {
+    let lines = std::str::from_utf8(stderr).unwrap().lines();
+    let lines: Vec<serde_json::Value> = lines.map(|line| serde_json::from_str(line).expect(line)).collect();
+    assert!(lines.iter().all(|line| line["time"].is_f64() && line["kind"].is_string()), "{lines:?}");
+    lines
+}
+
+#[test]
+fn the_log_is_json_where_that_is_asked_for() {
+    let (data, body) = data();
+    let output = run(&["check", data, "--body", body, "--json", "-", "--log-format", "json"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON alone on stdout");
+    assert_eq!(report["sequences"][0]["frames"], 3);
+    let lines = log_lines(&output.stderr);
+    let last = lines.iter().rfind(|line| line["kind"] == "progress").expect("progress is said without a terminal");
+    assert_eq!((&last["phase"], &last["share"]), (&"frames".into(), &1.0.into()));
+
+    let output = run(&["--log-format", "json", "info", "/nowhere"]);
+    let lines = log_lines(&output.stderr);
+    assert_eq!((lines.len(), &lines[0]["kind"]), (1, &"error".into()));
+    assert!(lines[0]["message"].as_str().unwrap().contains("/nowhere"));
+}
+
+#[test]
+fn quiet_leaves_results_and_errors() {
+    let (data, body) = data();
+    let output = run(&["check", data, "--body", body, "--quiet"]);
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("ready to train"));
+    let output = run(&["info", "/nowhere", "-q"]);
+    assert!(String::from_utf8_lossy(&output.stderr).starts_with("error: /nowhere"));
+}
+
+#[test]
+fn info_describes_files_in_json() {
+    let (_, body) = data();
+    let described = |file: &str| -> serde_json::Value {
+        let output = run(&["info", file, "--json", "-"]);
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let avatar = described(trained());
+    assert_eq!((&avatar["kind"], &avatar["steps"]), (&"avatar".into(), &10.into()));
+    assert_eq!((&avatar["subject"]["frames"], &avatar["config"]["preset"]), (&3.into(), &"demo".into()));
+    let model = described(text(&Path::new(body).join("SMPLX_NEUTRAL.npz")));
+    assert_eq!((&model["kind"], &model["gender"]), (&"body_model".into(), &"neutral".into()));
+    assert_eq!(model["arrays"]["v_template"]["shape"], serde_json::json!([model["vertices"], 3]));
+}
+
+#[test]
+fn an_official_checkpoint_becomes_an_avatar() {
+    let (_, body) = data();
+    let official = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/official").join(name);
+    let (checkpoint, meta) = (official("scan.ckpt"), official("meta_info.npz"));
+    let folder = tempfile::tempdir().unwrap();
+    let (avatar, mesh) = (folder.path().join("avatar.safetensors"), folder.path().join("canonical.ply"));
+    let convert = ["convert", text(&checkpoint), "--meta", text(&meta), "--body", body, "--out", text(&avatar)];
+    assert_outcome(&convert, 0, &["avatar.safetensors"]);
+    assert_outcome(&convert, 1, &["exists already"]);
+    assert_outcome(&["info", text(&avatar)], 0, &["neutral", "preset paper-scan", "Occupancy"]);
+    assert_outcome(&["extract", text(&avatar), "--resolution", "32", "--out", text(&mesh)], 0, &["vertices"]);
+    let legacy = official("legacy.pth");
+    let out = folder.path().join("legacy.safetensors");
+    let convert = ["convert", text(&legacy), "--meta", text(&meta), "--body", body, "--out", text(&out)];
+    assert_outcome(&convert, 1, &["legacy.pth", "torch.save"]);
+}
+
+#[test]
+fn completions_know_every_verb() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        assert_outcome(&["completions", shell], 0, &["xavatar", "train", "ablate", "log-format", "baseline"]);
+    }
 }
 
 #[test]

@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use xavatar::data::{Array, ArrayMap, read_motion, read_npy, read_npz, read_pickle, read_pickle_arrays, write_npz};
+use xavatar::data::{
+    Array, ArrayMap, read_motion, read_npy, read_npz, read_pickle, read_pickle_arrays, read_torch, write_npz,
+};
 use xavatar::{Error, Result};
 
 fn golden(name: &str) -> PathBuf {
@@ -92,6 +94,7 @@ fn truncated_archives_are_noticed() {
         must_notice_truncation(&format!("motions/{name}.npz"), 200, read_npz);
         must_notice_truncation(&format!("motions/{name}.npz"), 50, read_motion);
     }
+    must_notice_truncation("official/scan.pth", 60, read_torch);
 }
 
 #[test]
@@ -99,6 +102,7 @@ fn mutated_archives_are_read_or_refused() {
     for name in ["amass", "grab", "own"] {
         must_survive_mutation(&format!("motions/{name}.npz"), 300, read_motion);
     }
+    must_survive_mutation("official/scan.ckpt", 200, read_torch);
 }
 
 #[test]

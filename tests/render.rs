@@ -1,29 +1,37 @@
 //! Pictures against the analytic projection: silhouettes, depths, colours, and meshes that break rasterisers.
 
-use glam::{Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 use image::{Rgb, RgbImage};
 use proptest::prelude::*;
+use xavatar::camera::pixel_centre;
 use xavatar::mesh::{Colouring, TriangleMesh};
-use xavatar::render::{Camera, FRONT, View, render_depth, render_mesh};
+use xavatar::render::{Camera, FRONT, View, render_depth, render_mesh, render_rgbd};
 
-const CAMERA: Camera = Camera {
-    position: Vec3::new(1.5, 0.9, 3.0),
-    target: Vec3::new(0.1, 0.05, 0.0),
-    vertical_field_of_view: 0.8,
-    width: 203,
-    height: 157,
-};
+const POSITION: Vec3 = Vec3::new(1.5, 0.9, 3.0);
+const TARGET: Vec3 = Vec3::new(0.1, 0.05, 0.0);
+const FIELD_OF_VIEW: f32 = 0.8;
+const WIDTH: u32 = 203;
+const HEIGHT: u32 = 157;
+
+fn camera() -> Camera {
+    Camera::looking_at(POSITION, TARGET, FIELD_OF_VIEW, [WIDTH, HEIGHT]).unwrap()
+}
+
+/// From +Z, at this distance, towards the origin.
+fn front(distance: f32, field_of_view: f32, size: [u32; 2]) -> Camera {
+    Camera::looking_at(distance * Vec3::Z, Vec3::ZERO, field_of_view, size).unwrap()
+}
 
 /// The rays through the pixel centres, row by row, as unit directions in the world: written out, not taken from the renderer.
-fn rays(camera: &Camera) -> Vec<Vec3> {
-    let forward = (camera.target - camera.position).normalize();
+fn rays() -> Vec<Vec3> {
+    let forward = (TARGET - POSITION).normalize();
     let right = forward.cross(Vec3::Y).normalize();
     let up = right.cross(forward);
-    let tangent = (camera.vertical_field_of_view / 2.0).tan();
-    let (width, height) = (camera.width as f32, camera.height as f32);
-    (0..camera.width * camera.height)
+    let tangent = (FIELD_OF_VIEW / 2.0).tan();
+    let (width, height) = (WIDTH as f32, HEIGHT as f32);
+    (0..WIDTH * HEIGHT)
         .map(|index| {
-            let (column, row) = ((index % camera.width) as f32 + 0.5, (index / camera.width) as f32 + 0.5);
+            let (column, row) = ((index % WIDTH) as f32 + 0.5, (index / WIDTH) as f32 + 0.5);
             let (x, y) = ((2.0 * column - width) / height, (height - 2.0 * row) / height);
             (forward + tangent * (x * right + y * up)).normalize()
         })
@@ -69,21 +77,41 @@ fn hits_cube(origin: Vec3, ray: Vec3, half: f32) -> bool {
     first.min(second).max_element() < first.max(second).min_element()
 }
 
-/// Every pixel whose ray meets the body made smaller by `slack` is covered, and none that misses it made larger.
+/// Every pixel whose ray meets the body made smaller by `slack` is covered, and none that misses it made larger; and the picture's
+/// edge is no wider than a pixel.
 fn assert_silhouette(mesh: &TriangleMesh, size: f32, slack: f32, hits: impl Fn(Vec3, Vec3, f32) -> bool) {
-    let depths = render_depth(mesh, &CAMERA).unwrap();
+    let depths = render_depth(mesh, &camera()).unwrap();
     let mut covered = 0;
-    for (index, (&depth, &ray)) in depths.iter().zip(&rays(&CAMERA)).enumerate() {
-        let place = || format!("pixel {}, {}", index as u32 % CAMERA.width, index as u32 / CAMERA.width);
-        if hits(CAMERA.position, ray, size * (1.0 - slack)) {
+    for (index, (&depth, &ray)) in depths.iter().zip(&rays()).enumerate() {
+        let place = || format!("pixel {}, {}", index as u32 % WIDTH, index as u32 / WIDTH);
+        if hits(POSITION, ray, size * (1.0 - slack)) {
             assert!(depth.is_finite(), "{} should see the body", place());
         }
-        if !hits(CAMERA.position, ray, size * (1.0 + slack)) {
+        if !hits(POSITION, ray, size * (1.0 + slack)) {
             assert!(depth.is_infinite(), "{} should be empty", place());
         }
         covered += usize::from(depth.is_finite());
     }
     assert!((2000..20_000).contains(&covered), "{covered} pixels");
+
+    let black = TriangleMesh { colouring: Colouring::Vertex(vec![[0; 3]; mesh.vertices.len()]), ..mesh.clone() };
+    let picture = render_mesh(&black, &camera(), View::Data).unwrap();
+    let seen = |x: u32, y: u32| depths[(y * WIDTH + x) as usize].is_finite();
+    let mut mixed = 0;
+    for (x, y, Rgb([shade, ..])) in picture.enumerate_pixels() {
+        let around = || {
+            (y.max(1) - 1..(y + 2).min(HEIGHT)).flat_map(|y| (x.max(1) - 1..(x + 2).min(WIDTH)).map(move |x| (x, y)))
+        };
+        match shade {
+            0 => assert!(around().any(|(x, y)| seen(x, y)), "({x}, {y}) is covered but next to nothing of the body"),
+            255 => assert!(around().any(|(x, y)| !seen(x, y)), "({x}, {y}) is empty within the body"),
+            _ => {
+                assert!(around().any(|(x, y)| seen(x, y)) && around().any(|(x, y)| !seen(x, y)), "({x}, {y}) mixes");
+                mixed += 1;
+            }
+        }
+    }
+    assert!(mixed > 100, "edges are anti-aliased: {mixed} pixels");
 }
 
 #[test]
@@ -107,20 +135,54 @@ fn depth_of_a_plane_is_exact_even_through_the_camera() {
         faces: vec![[0, 2, 1], [0, 3, 2]],
         ..Default::default()
     };
-    let forward = (CAMERA.target - CAMERA.position).normalize();
+    let forward = (TARGET - POSITION).normalize();
     let mut seen = 0;
-    for (&depth, ray) in render_depth(&floor, &CAMERA).unwrap().iter().zip(rays(&CAMERA)) {
-        let distance = (-0.5 - CAMERA.position.y) / ray.y;
-        let hit = CAMERA.position + distance * ray;
+    for (&depth, ray) in render_depth(&floor, &camera()).unwrap().iter().zip(rays()) {
+        let distance = (-0.5 - POSITION.y) / ray.y;
+        let hit = POSITION + distance * ray;
         if distance > 0.0 && hit.x.abs().max(hit.z.abs()) < 49.0 {
             let expected = distance * ray.dot(forward);
-            assert!((depth - expected).abs() < 2e-3 * expected, "{depth} m, expected {expected}");
+            assert!((depth - expected).abs() < 1e-5 * expected, "{depth} m, expected {expected}");
             seen += 1;
         } else if distance < 0.0 {
             assert!(depth.is_infinite(), "the sky has no depth");
         }
     }
     assert!(seen > 15_000, "{seen} pixels see the floor");
+}
+
+// A sphere of radius r about c: the ray d meets it at t = d.c - sqrt((d.c)^2 - c^2 + r^2), in camera space.
+#[test]
+fn a_depth_camera_with_an_odd_calibration_sees_depths_and_colours_of_the_same_points() {
+    let rotation = Mat3::from_euler(glam::EulerRot::YXZ, 2.7, 0.2, 0.1);
+    let translation = Vec3::new(-0.05, 0.1, 2.4);
+    let camera = Camera { fx: 180.0, fy: 175.0, cx: 61.3, cy: 88.9, width: 150, height: 160, rotation, translation };
+    let mut ball = sphere(0.7, 400);
+    let colour = |place: Vec3| (place * 0.5 / 0.7 + 0.5) * 255.0;
+    ball.colouring = Colouring::Vertex(
+        ball.vertices.iter().map(|&place| colour(place).round().to_array().map(|c| c as u8)).collect(),
+    );
+    let image = render_rgbd(&ball, &camera).unwrap();
+    assert_eq!(image.depth, render_depth(&ball, &camera).unwrap());
+    let centre = camera.to_camera(Vec3::ZERO);
+    let mut seen = 0;
+    for (x, y, Rgb(pixel)) in image.colour.enumerate_pixels() {
+        let depth = image.depth[(y * 150 + x) as usize];
+        let place = pixel_centre(x, y);
+        let ray = camera.ray(place).normalize();
+        let under_root = ray.dot(centre).powi(2) - centre.length_squared() + 0.49;
+        if under_root < 0.0 {
+            assert!(depth.is_infinite() && *pixel == [0; 3]);
+        } else if under_root > 0.01 {
+            let expected = (ray.dot(centre) - under_root.sqrt()) * ray.z;
+            assert!((depth - expected).abs() < 1e-4, "({x}, {y}): {depth} m, expected {expected} m");
+            let world = camera.back_project(place, depth);
+            assert!((world.length() - 0.7).abs() < 1e-4);
+            assert!((colour(world) - Vec3::from(pixel.map(f32::from))).abs().max_element() < 2.0);
+            seen += 1;
+        }
+    }
+    assert!(seen > 5000, "{seen} pixels");
 }
 
 #[test]
@@ -135,7 +197,7 @@ fn the_nearer_surface_wins_in_any_order() {
             ..Default::default()
         }
     };
-    let depths = |mesh: &TriangleMesh| render_depth(mesh, &CAMERA).unwrap();
+    let depths = |mesh: &TriangleMesh| render_depth(mesh, &camera()).unwrap();
     let nearest: Vec<f32> = depths(&small).iter().zip(depths(&large)).map(|(a, b)| a.min(b)).collect();
     assert_eq!(depths(&joined(&small, &large)), nearest);
     assert_eq!(depths(&joined(&large, &small)), nearest);
@@ -151,13 +213,13 @@ fn faces_that_share_edges_leave_no_gap() {
         mesh.vertices.push(Vec3::new(angle.cos(), angle.sin(), 0.0));
         mesh.faces.push([0, 1 + index, 1 + (index + 1) % count]);
     }
-    let camera = Camera { position: 2.0 * Vec3::Z, target: Vec3::ZERO, vertical_field_of_view: 0.4, ..CAMERA };
+    let camera = front(2.0, 0.4, [WIDTH, HEIGHT]);
     assert!(render_depth(&mesh, &camera).unwrap().iter().all(|&depth| (depth - 2.0).abs() < 1e-4));
 }
 
 #[test]
 fn normals_view_shows_the_axes() {
-    let camera = Camera { position: 4.0 * Vec3::Z, target: Vec3::ZERO, width: 201, height: 201, ..CAMERA };
+    let camera = front(4.0, FIELD_OF_VIEW, [201, 201]);
     let picture = render_mesh(&sphere(1.0, 60), &camera, View::Normals).unwrap();
     let Rgb([red, green, blue]) = *picture.get_pixel(100, 100);
     assert!(red.abs_diff(128) < 3 && green.abs_diff(128) < 3 && blue > 252, "the middle faces the camera");
@@ -175,7 +237,7 @@ fn vertex_colours_and_textures_agree() {
         colouring: Colouring::Vertex(vec![[0, 0, 0], [255, 0, 0], [255, 255, 0], [0, 255, 0]]),
         ..Default::default()
     };
-    let camera = Camera { position: 3.0 * Vec3::Z, target: Vec3::ZERO, ..CAMERA };
+    let camera = front(3.0, FIELD_OF_VIEW, [WIDTH, HEIGHT]);
     let by_vertex = render_mesh(&wall, &camera, View::Colour).unwrap();
     let uvs = wall.vertices.iter().map(|vertex| Vec2::new(vertex.x + 2.0, vertex.y + 2.0) / 4.0).collect();
     let image = RgbImage::from_fn(2, 2, |x, y| Rgb([255 * x as u8, 255 * y as u8, 0]));
@@ -191,11 +253,11 @@ fn vertex_colours_and_textures_agree() {
 fn both_sides_of_an_open_surface_are_lit_alike() {
     let mut wall = cube(0.6);
     wall.faces.truncate(2);
-    let front = render_mesh(&wall, &CAMERA, View::Shaded).unwrap();
+    let front = render_mesh(&wall, &camera(), View::Shaded).unwrap();
     for face in &mut wall.faces {
         face.swap(1, 2);
     }
-    assert_eq!(render_mesh(&wall, &CAMERA, View::Shaded).unwrap(), front);
+    assert_eq!(render_mesh(&wall, &camera(), View::Shaded).unwrap(), front);
 }
 
 #[test]
@@ -203,7 +265,7 @@ fn threads_do_not_change_the_picture() {
     let mesh = sphere(0.8, 120);
     let draw = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| render_mesh(&mesh, &CAMERA, View::Shaded).unwrap())
+        pool.install(|| render_mesh(&mesh, &camera(), View::Shaded).unwrap())
     };
     assert_eq!(draw(1), draw(5));
 }
@@ -211,7 +273,7 @@ fn threads_do_not_change_the_picture() {
 #[test]
 fn wrong_meshes_are_errors() {
     let good = cube(0.5);
-    let refused = |mesh: TriangleMesh| render_mesh(&mesh, &CAMERA, View::Colour).unwrap_err().to_string();
+    let refused = |mesh: TriangleMesh| render_mesh(&mesh, &camera(), View::Colour).unwrap_err().to_string();
     assert!(refused(TriangleMesh { faces: vec![[0, 1, 8]], ..good.clone() }).contains("8"));
     assert!(refused(TriangleMesh { vertices: vec![Vec3::NAN; 8], ..good.clone() }).contains("NaN"));
     assert!(refused(TriangleMesh { normals: Some(vec![]), ..good.clone() }).contains("normals"));
@@ -236,8 +298,8 @@ proptest! {
         faces in proptest::collection::vec([0..12_u32, 0..12_u32, 0..12_u32], 0..40),
     ) {
         let mesh = TriangleMesh { vertices: corners.into_iter().map(Vec3::from).collect(), faces, ..Default::default() };
-        let camera = Camera { width: 40, height: 30, ..CAMERA };
-        for view in [View::Shaded, View::Normals] {
+        let camera = front(3.0, FIELD_OF_VIEW, [40, 30]);
+        for view in [View::Shaded, View::Normals, View::Depth { near: 1.0, far: 5.0 }] {
             prop_assert!(render_mesh(&mesh, &camera, view).is_ok());
         }
         prop_assert!(render_depth(&mesh, &camera).unwrap().iter().all(|&depth| depth > 0.0));

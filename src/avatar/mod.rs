@@ -5,6 +5,7 @@
 
 mod animator;
 mod fixed_topology;
+mod official;
 mod shading;
 
 use std::collections::HashMap;
@@ -16,6 +17,7 @@ use xavatar_network::{Representation, Trace};
 
 pub use self::animator::Animator;
 pub use self::fixed_topology::FixedTopology;
+pub use self::official::OfficialMeta;
 
 use self::shading::{Posing, shade};
 use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels};

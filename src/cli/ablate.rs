@@ -11,6 +11,7 @@ use xavatar::evaluate::{Ablation, AblationRow, AblationTable, Evaluation};
 use xavatar::train::{Ending, Trainer, seconds_per_step};
 
 use super::inputs::{Registered, Split, SubjectArguments, SubjectFrames};
+use super::json::JsonArgument;
 use super::progress::Progress;
 use super::training::TrainingArguments;
 use super::{Outcome, WrongUsage, outputs, stop};
@@ -37,6 +38,8 @@ pub struct Ablate {
     /// Cells along the longest side of the box around the body
     #[arg(long, value_name = "R", default_value_t = 256, value_parser = super::extract::resolution)]
     resolution: usize,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// A measured variant, with what it was measured on.
@@ -57,21 +60,21 @@ impl Ablate {
         let variants = Ablation::ALL.map(|ablation| self.configuration(ablation).map(|config| (ablation, config)));
         let variants: Vec<_> = variants.into_iter().collect::<Result<_, _>>().map_err(WrongUsage)?;
         self.refuse_other_folders(&variants)?;
+        self.json.check()?;
         let opened = self.subject.open()?;
         outputs::existing_folder(&self.out)?;
         let stop = stop::on_interrupt()?;
         let mut table = AblationTable::default();
         for (ablation, config) in &variants {
             let Some(row) = self.row(*ablation, config, &opened, stop)? else {
-                eprintln!("stopped; the same command again goes on");
+                log::info!("stopped; the same command again goes on");
                 return Ok(Outcome::Stopped);
             };
             table.rows.push(row);
             outputs::write_json(&self.out.join(Self::JSON), &table)?;
             outputs::write_text(&self.out.join(Self::MARKDOWN), &table.markdown())?;
         }
-        print!("{table}");
-        println!("{}", self.out.join(Self::JSON).display());
+        self.json.print(&table, &format!("{table}{}", self.out.join(Self::JSON).display()))?;
         Ok(Outcome::Done)
     }
 
@@ -117,9 +120,9 @@ impl Ablate {
         let run = self.out.join(ablation.folder());
         let mut progress = Progress::new();
         if run.join(Avatar::FILE).is_file() {
-            eprintln!("{}: trained already", ablation.name());
+            log::info!("{}: trained already", ablation.name());
         } else {
-            eprintln!("{}: training", ablation.name());
+            log::info!("{}: training", ablation.name());
             let frames = SubjectFrames::new(&opened.subject, &opened.subject.train);
             let begin = if is_run(&run) { Trainer::resume } else { Trainer::start };
             let mut trainer = begin(config, &frames, &opened.body, &opened.labels, &run, &mut progress)?;

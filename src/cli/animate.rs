@@ -99,7 +99,7 @@ impl Animate {
         let missing: Vec<Frame> = frames.filter(|frame| !frame.path.exists()).collect();
         let kept = total - missing.len();
         if kept > 0 {
-            eprintln!("{kept} of {total} meshes are there already and are kept");
+            log::info!("{kept} of {total} meshes are there already and are kept");
         }
         let stop = stop::on_interrupt()?;
         let mut progress = Progress::new();
@@ -133,7 +133,7 @@ impl Animate {
         let done = show(0);
         progress.finish();
         if dropped_components > 0 {
-            eprintln!("kept the largest part of each mesh; {dropped_components} smaller ones left out");
+            log::info!("kept the largest part of each mesh; {dropped_components} smaller ones left out");
         }
         if done < total {
             println!("{}: {done} of {total} meshes; go on with the same call and --resume", self.out.display());

@@ -15,6 +15,7 @@ use xavatar::mesh::{TriangleMesh, write_ply};
 use xavatar::train::{Ending, Trainer};
 
 use super::gallery::Gallery;
+use super::json::JsonArgument;
 use super::progress::Progress;
 use super::{Outcome, outputs, stop};
 
@@ -32,8 +33,10 @@ pub struct Demo {
     #[arg(long, value_name = "DIR", default_value = "runs/demo")]
     out: PathBuf,
     /// Only write the subject as a data set, to try the other verbs on: scans in DIR, the body model in DIR/body
-    #[arg(long, value_name = "DIR", conflicts_with = "out")]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "json"])]
     write_data: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// How large a demo is.
@@ -79,6 +82,7 @@ impl Demo {
         if let Some(folder) = &self.write_data {
             return write_data(folder, size);
         }
+        self.json.check()?;
         let resumes = self.resumes()?;
         let subject = BuiltInSubject::new()?;
         let frames = Filmed::new(&subject, Split::Train, size.training_frames)?;
@@ -86,7 +90,7 @@ impl Demo {
         let (body, labels) = (subject.model(), subject.part_labels());
         let mut progress = Progress::new();
         let config = if resumes {
-            eprintln!("going on with the demo in {}", self.out.display());
+            log::info!("going on with the demo in {}", self.out.display());
             Trainer::configuration(&self.out)?
         } else {
             let settings = size.settings.iter().map(|(key, value)| (key.to_string(), value.to_string()));
@@ -103,7 +107,7 @@ impl Demo {
             Ending::Finished => Ok(Outcome::Done),
             Ending::Stopped => {
                 progress.finish();
-                eprintln!("stopped; the same command again goes on");
+                log::info!("stopped; the same command again goes on");
                 Ok(Outcome::Stopped)
             }
         }
@@ -171,11 +175,16 @@ impl Demo {
         let report = evaluation.run(unseen.frames.iter().cloned().map(Ok), predict, |_| {})?;
         progress.finish();
         outputs::write_json(&self.metrics_file(), &report)?;
-        println!("{} poses that were not trained on, against the subject's own surface\n{report}", posed.len());
-        println!("pictures {}", picture.display());
-        println!("meshes   {}", meshes.display());
-        println!("metrics  {}", self.metrics_file().display());
-        println!("avatar   {}", self.out.join(Avatar::FILE).display());
+        let table = format!(
+            "{} poses that were not trained on, against the subject's own surface\n{report}\
+             pictures {}\nmeshes   {}\nmetrics  {}\navatar   {}",
+            posed.len(),
+            picture.display(),
+            meshes.display(),
+            self.metrics_file().display(),
+            self.out.join(Avatar::FILE).display()
+        );
+        self.json.print(&report, &table)?;
         Ok(Ending::Finished)
     }
 }
@@ -196,7 +205,7 @@ fn write_data(folder: &Path, size: &Size) -> anyhow::Result<Outcome> {
     write_pickle(body.join("neutral_vertex_labels.pkl"), &subject.part_labels().to_vertex_labels())?;
     let (data, body) = (folder.display(), body.display());
     println!("{data}");
-    eprintln!(
+    log::info!(
         "try next\n  xavatar check {data} --body {body}\n  xavatar train {data} --body {body} --out runs/mannequin --minutes 5"
     );
     Ok(Outcome::Done)

@@ -6,9 +6,10 @@ use clap::ValueEnum;
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::evaluate::{Evaluation, SmplxD};
 
+use super::Outcome;
 use super::inputs::{Split, SubjectArguments, SubjectFrames};
+use super::json::JsonArgument;
 use super::progress::Progress;
-use super::{Outcome, outputs};
 
 /// Measure an avatar against the scans of unseen frames
 #[derive(clap::Args)]
@@ -29,9 +30,8 @@ pub struct Eval {
     /// Cells along the longest side of the box around the body
     #[arg(long, value_name = "R", default_value_t = 256, value_parser = super::extract::resolution)]
     resolution: usize,
-    /// Write all metrics, frame by frame, as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -43,9 +43,7 @@ enum Baseline {
 
 impl Eval {
     pub fn run(self) -> anyhow::Result<Outcome> {
-        if let Some(json) = &self.json {
-            outputs::new_file(json)?;
-        }
+        self.json.check()?;
         let avatar = Avatar::load(&self.avatar)?;
         let opened = self.subject.open()?;
         let subject = &opened.subject;
@@ -53,7 +51,7 @@ impl Eval {
         let frames = SubjectFrames::new(subject, files);
         let baseline = match self.baseline {
             Some(Baseline::SmplxD) => {
-                eprintln!("learning the baseline from {} training frames", subject.train.len());
+                log::info!("learning the baseline from {} training frames", subject.train.len());
                 Some(SmplxD::fit(&opened.body, SubjectFrames::new(subject, &subject.train).iter())?)
             }
             None => None,
@@ -78,10 +76,7 @@ impl Eval {
             },
         )?;
         progress.finish();
-        print!("{report}");
-        if let Some(json) = &self.json {
-            outputs::write_json(json, &report)?;
-        }
+        self.json.print(&report, &report)?;
         Ok(Outcome::Done)
     }
 }

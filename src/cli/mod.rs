@@ -1,16 +1,23 @@
 //! The command line: one file a verb, each thin: parse, call the library, print.
 //!
-//! Results go to stdout, progress and errors to stderr. Exit codes: 0 done, 1 failed, 2 wrong usage, 3 stopped but resumable.
+//! Results go to stdout, progress and errors to stderr (see `messages`). Exit codes: 0 done, 1 failed, 2 wrong usage, 3 stopped but resumable.
+
+// Everything said to the user goes through `log`'s macros, so that --quiet and --log-format hold for it.
+#![deny(clippy::print_stderr)]
 
 mod ablate;
 mod animate;
 mod check;
+mod completions;
+mod convert;
 mod demo;
 mod eval;
 mod extract;
 mod gallery;
 mod info;
 mod inputs;
+mod json;
+mod messages;
 mod motion;
 mod outputs;
 mod progress;
@@ -20,7 +27,7 @@ mod training;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 const EXIT_FAILED: u8 = 1;
 const EXIT_WRONG_USAGE: u8 = 2;
@@ -39,6 +46,8 @@ struct CommandLine {
     /// Threads to compute with [default: one a core]
     #[arg(long, value_name = "T", global = true, value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
+    #[command(flatten)]
+    log: messages::LogArguments,
 }
 
 #[derive(Subcommand)]
@@ -50,7 +59,9 @@ enum Verb {
     Ablate(ablate::Ablate),
     Extract(extract::Extract),
     Animate(animate::Animate),
+    Convert(convert::Convert),
     Info(info::Info),
+    Completions(completions::Completions),
 }
 
 /// How a verb that did not fail ended.
@@ -76,7 +87,7 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Unfit) => EXIT_FAILED.into(),
         Ok(Outcome::Stopped) => EXIT_STOPPED.into(),
         Err(error) => {
-            eprintln!("error: {}", message(&error));
+            log::error!("{}", message(&error));
             if error.is::<WrongUsage>() { EXIT_WRONG_USAGE } else { EXIT_FAILED }.into()
         }
     }
@@ -94,6 +105,7 @@ fn message(error: &anyhow::Error) -> String {
 }
 
 fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
+    messages::start(command_line.log)?;
     if let Some(threads) = command_line.threads {
         rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()?;
     }
@@ -105,14 +117,14 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Ablate(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
+        Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
+        Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
 
     #[test]

@@ -75,7 +75,7 @@ impl MotionArguments {
     /// Reads a motion for an avatar, and tells what was detected, declared and changed.
     pub fn load(&self, motion: &Path, avatar: &Avatar) -> anyhow::Result<Clip> {
         let clip = Clip::load(motion, &self.options(avatar)?)?;
-        clip.report.iter().for_each(|line| eprintln!("{line}"));
+        clip.report.iter().for_each(|line| log::info!("{line}"));
         Ok(clip)
     }
 

@@ -1,10 +1,12 @@
-//! What a run shows while it goes: a bar on a terminal, else a plain line every ten seconds. Always on stderr.
+//! What a run shows while it goes: a bar on a terminal, else a line every ten seconds, plain or JSON. Always on stderr.
 
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use xavatar::train::{Event, Observer, Stage, StepRecord};
+
+use super::messages::{self, BARS, ProgressLine};
 
 /// Between plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);
@@ -13,7 +15,7 @@ const BAR: u64 = 1000;
 
 /// Shows a task that goes through phases, one after the other.
 pub struct Progress {
-    /// Hidden, and never drawn, unless stderr is a terminal.
+    /// Hidden, and never drawn, unless stderr is a terminal and bars are wanted on it.
     bar: ProgressBar,
     phase: &'static str,
     phase_began: Instant,
@@ -24,7 +26,7 @@ pub struct Progress {
 
 impl Progress {
     pub fn new() -> Self {
-        let bar = ProgressBar::new(BAR);
+        let bar = BARS.add(ProgressBar::new(BAR));
         if let Ok(style) = ProgressStyle::with_template("{prefix:>10} {bar:24} {wide_msg}") {
             bar.set_style(style);
         }
@@ -38,27 +40,24 @@ impl Progress {
             self.bar.set_prefix(phase);
         }
         let left = self.time_left(share);
-        let left = left.map_or_else(String::new, |left| format!("  ETA {}", HumanDuration(left)));
         if self.bar.is_hidden() {
             let is_due = self.last_line.is_none_or(|last| last.elapsed() >= LINE_EVERY);
             if is_due || share >= 1.0 {
-                eprintln!("{phase:>10} {:3.0} %  {message}{left}", share * 100.0);
+                let seconds_left = left.map(|left| left.as_secs_f64());
+                messages::progress(&ProgressLine { phase, share, seconds_left, message });
                 self.last_line = Some(Instant::now());
             }
         } else {
+            let left = left.map_or_else(String::new, |left| format!("  ETA {}", HumanDuration(left)));
             self.bar.set_position((share * BAR as f64) as u64);
             self.bar.set_message(format!("{message}{left}"));
         }
     }
 
-    /// A line that stays.
-    pub fn say(&self, line: &str) {
-        self.bar.suspend(|| eprintln!("{line}"));
-    }
-
     /// Takes the bar away.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
+        BARS.remove(&self.bar);
     }
 
     fn time_left(&self, share: f64) -> Option<Duration> {
@@ -93,8 +92,8 @@ impl Observer for Progress {
                 }
             }
             Event::Checkpoint { .. } => {}
-            Event::Preview { path } => self.say(&format!("preview: {}", path.display())),
-            Event::Warning { message } => self.say(&format!("warning: {message}")),
+            Event::Preview { path } => log::info!("preview: {}", path.display()),
+            Event::Warning { message } => log::warn!("{message}"),
         }
     }
 }

@@ -10,7 +10,7 @@ pub fn on_interrupt() -> anyhow::Result<&'static AtomicBool> {
         if STOP.swap(true, Ordering::SeqCst) {
             std::process::exit(super::EXIT_FAILED.into());
         }
-        eprintln!("\nstopping after this step; once more to end at once and lose what was not saved yet");
+        log::info!("\nstopping after this step; once more to end at once and lose what was not saved yet");
     })?;
     Ok(&STOP)
 }

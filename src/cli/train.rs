@@ -39,18 +39,18 @@ impl Train {
         let frames = SubjectFrames::new(&opened.subject, &opened.subject.train);
         let stop = stop::on_interrupt()?;
         let mut progress = Progress::new();
-        eprintln!("part labels: {}", opened.labels.source);
+        log::info!("part labels: {}", opened.labels.source);
         let begin = if self.resume { Trainer::resume } else { Trainer::start };
         let mut trainer = begin(&config, &frames, &opened.body, &opened.labels, &self.out, &mut progress)?;
         let ending = trainer.run(stop, &mut progress)?;
         progress.finish();
         let (data, body, out) = (self.subject.data.display(), self.subject.body.display(), self.out.display());
         if ending == Ending::Stopped {
-            eprintln!("stopped; go on with\n  xavatar train {data} --body {body} --out {out} --resume");
+            log::info!("stopped; go on with\n  xavatar train {data} --body {body} --out {out} --resume");
             return Ok(Outcome::Stopped);
         }
         println!("{}", self.out.join(Avatar::FILE).display());
-        eprintln!(
+        log::info!(
             "try next\n  xavatar eval {out} {data} --body {body} --split test --baseline smplx+d\n  \
              xavatar extract {out} --out canonical.ply\n  \
              xavatar animate {out} {data}/test/SEQUENCE --body {body} --out {out}/animation"

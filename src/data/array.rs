@@ -89,15 +89,22 @@ impl Array {
 
     /// What the array is, for messages: `f32 (3, 4)`.
     pub fn description(&self) -> String {
-        let kind = match &self.data {
+        if let ArrayData::Text(text) = &self.data {
+            return super::fault::excerpt(text);
+        }
+        let extents: Vec<String> = self.shape.iter().map(usize::to_string).collect();
+        format!("{} ({})", self.kind(), extents.join(", "))
+    }
+
+    /// What the elements are: `u8`, `integer`, `f32`, `f64` or `text`.
+    pub fn kind(&self) -> &'static str {
+        match &self.data {
             ArrayData::U8(_) => "u8",
             ArrayData::I64(_) => "integer",
             ArrayData::F32(_) => "f32",
             ArrayData::F64(_) => "f64",
-            ArrayData::Text(text) => return super::fault::excerpt(text),
-        };
-        let extents: Vec<String> = self.shape.iter().map(usize::to_string).collect();
-        format!("{kind} ({})", extents.join(", "))
+            ArrayData::Text(_) => "text",
+        }
     }
 }
 

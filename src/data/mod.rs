@@ -11,6 +11,8 @@ mod motion;
 mod npy;
 mod npz;
 mod pickle;
+mod rgbd;
+mod torch;
 mod xhumans;
 
 pub use array::{Array, ArrayData, ArrayMap};
@@ -21,6 +23,8 @@ pub use motion::{
 pub use npy::read_npy;
 pub use npz::{read_npz, write_npz};
 pub use pickle::{Value, read_pickle, read_pickle_arrays, write_pickle};
+pub use rgbd::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdFrame, RgbdSource};
+pub use torch::read_torch;
 pub use xhumans::{Subject, read_frame, write_subject};
 
 use std::path::PathBuf;

@@ -12,7 +12,7 @@ mod ply;
 mod sampling;
 mod surface;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod texture;
 mod watertight;
 mod winding;

@@ -13,7 +13,7 @@ pub(super) fn bumpy_radius(point: Vec3) -> f32 {
 }
 
 /// A closed star-shaped surface of about 3 `resolution`^2 faces.
-pub(super) fn bumpy_sphere(resolution: usize) -> TriangleMesh {
+pub(crate) fn bumpy_sphere(resolution: usize) -> TriangleMesh {
     let grid = ExtractionGrid {
         minimum: Vec3::splat(-1.3),
         maximum: Vec3::splat(1.3),

@@ -1,15 +1,26 @@
-//! Pictures of meshes without a GPU: a z-buffered, multisampled software rasteriser, and sheets of labelled pictures.
+//! Pictures of meshes without a GPU: a z-buffered, anti-aliased software rasteriser, sheets of labelled pictures, and plots.
 //!
-//! Metres; the world is Y up. Pixels count from the top left, pixel (column, row) has its centre at (column + 0.5, row + 0.5).
-//! Every picture is a function of its inputs alone: the number of threads changes nothing.
+//! Metres; the world is Y up. Every picture is a function of its inputs alone: the number of threads changes nothing.
 
-mod camera;
+mod colour_map;
+mod film;
+mod framing;
+mod light;
+mod occlusion;
+mod plot;
 mod png;
 mod rasterize;
-mod shading;
+mod rgbd;
+mod scene;
 mod sheet;
+mod text;
 
-pub use camera::{Camera, FRONT, THREE_QUARTER};
+pub use crate::camera::PinholeCamera as Camera;
+pub use colour_map::{ColourMap, NAMED_COLOURS, joint_colours, part_colours, weight_colours};
+pub use film::{Film, FilmFormat};
+pub use framing::{FRONT, THREE_QUARTER};
+pub use plot::{Plot, Series};
 pub use png::write_png;
-pub use shading::{View, render_depth, render_mesh};
+pub use rgbd::{RgbdImage, render_depth, render_rgbd};
+pub use scene::{Scene, View, render_mesh};
 pub use sheet::{Tile, contact_sheet};

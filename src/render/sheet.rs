@@ -1,16 +1,15 @@
 //! Contact sheets: rows of labelled pictures side by side on white.
 
 use image::{Rgb, RgbImage, imageops};
-use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
+use super::text::{Size, draw_text};
 use crate::{Error, Result};
 
 /// Between pictures and around them, pixels.
 const GAP: u32 = 8;
 /// Of the labels, pixels.
-const TEXT: RasterHeight = RasterHeight::Size20;
-/// How dark labels are; 255 is black.
-const INK: u32 = 200;
+const TEXT: Size = Size::Large;
+const INK: [u8; 3] = [55; 3];
 /// Longest side of a sheet, pixels.
 const LARGEST_SIDE: u64 = 32_768;
 
@@ -52,7 +51,10 @@ pub fn contact_sheet(rows: &[Vec<Tile>]) -> Result<RgbImage> {
         let mut left = GAP;
         for tile in row {
             imageops::replace(&mut sheet, &tile.picture, i64::from(left), i64::from(top));
-            write_line(&mut sheet, &tile.label, left, top + picture_height(row), tile.picture.width());
+            let letters = (tile.picture.width() / TEXT.advance()) as usize;
+            let label: String = tile.label.chars().take(letters).collect();
+            let place = [i64::from(left), i64::from(top + picture_height(row))];
+            draw_text(&mut sheet, &label, place, TEXT, INK);
             left += tile.picture.width() + GAP;
         }
         top += picture_height(row) + label_height(row) + GAP;
@@ -65,24 +67,7 @@ fn picture_height(row: &[Tile]) -> u32 {
 }
 
 fn label_height(row: &[Tile]) -> u32 {
-    if row.iter().all(|tile| tile.label.is_empty()) { 0 } else { TEXT.val() as u32 }
-}
-
-/// Draws `text` with its box's top left corner at (`left`, `top`), no wider than `width`.
-fn write_line(sheet: &mut RgbImage, text: &str, left: u32, top: u32, width: u32) {
-    let advance = get_raster_width(FontWeight::Regular, TEXT) as u32;
-    for (index, character) in text.chars().take((width / advance) as usize).enumerate() {
-        let raster = |character| get_raster(character, FontWeight::Regular, TEXT);
-        let Some(glyph) = raster(character).or_else(|| raster('?')) else { continue };
-        for (y, row) in glyph.rows().enumerate() {
-            for (x, &intensity) in row.iter().enumerate() {
-                let pixel = sheet.get_pixel_mut(left + index as u32 * advance + x as u32, top + y as u32);
-                pixel.0 = pixel
-                    .0
-                    .map(|value| (u32::from(value) * (255 * 255 - u32::from(intensity) * INK) / (255 * 255)) as u8);
-            }
-        }
-    }
+    if row.iter().all(|tile| tile.label.is_empty()) { 0 } else { TEXT.height() }
 }
 
 #[cfg(test)]

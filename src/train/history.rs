@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::Stage;
-use super::trainer::METRICS;
+use super::metrics_log::METRICS;
 use crate::{Error, Result};
 
 /// Mean wall time of a run's steps on frames, seconds; none if it has made none.

@@ -5,9 +5,11 @@
 
 mod checkpoint;
 mod distance_grid;
+mod event_file;
 mod frame_store;
 mod history;
 pub mod losses;
+mod metrics_log;
 mod prepared;
 mod pretraining;
 mod sampling;

@@ -30,6 +30,9 @@ use crate::{Error, Result};
 const WEIGHT_POINTS: usize = 1024;
 /// Cells of the Z-order curve along the longest side of the canonical box.
 const CURVE_CELLS: f32 = 1023.0;
+/// Depth in the unclothed body below which no point of the scan's surface or outside of it can be, metres. A root there is one
+/// of skin that folds over itself: to train through it would hollow the body.
+const DEEPEST_SURFACE: f32 = 0.01;
 /// Spread of the Eikonal points around canonical vertices, metres (METHOD section 5).
 const EIKONAL_SPREAD: f32 = 0.05;
 
@@ -172,6 +175,10 @@ impl<'a> Trainer<'a> {
     ) -> Result<CanonicalBatch<f32>> {
         let Drawn { frame, condition, samples, mut random, seconds, .. } = drawn;
         let fields = &self.state.fields;
+        let inside = |target: f32| match fields.geometry.representation {
+            Representation::Occupancy => target > 0.5,
+            Representation::SignedDistance => target < 0.0,
+        };
         record.points += samples.on_points.len() + samples.off_points.len();
         record.frames.push(frame.id.to_string());
         *record.split.entry("sampling").or_default() += seconds;
@@ -191,7 +198,10 @@ impl<'a> Trainer<'a> {
         let points = [samples.on_points.as_slice(), &samples.off_points].concat();
         let labels = [samples.on_labels.as_slice(), &samples.off_labels].concat();
         let found = posed.candidates(&points, &labels).map_err(in_frame)?;
-        let assigned = self.assign(&posed, &found);
+        // What the scan says of a point: on the surface, outside, or inside.
+        let on = samples.on_points.iter().map(|_| false);
+        let is_inside: Vec<bool> = on.chain(samples.off_targets.iter().map(|target| inside(*target))).collect();
+        let assigned = self.assign(&posed, &found, &is_inside);
         let (assigned_on, assigned_off) = assigned.split_at(samples.on_points.len());
         *statistics = statistics.and(found.statistics);
         add_time(record, "search", begin);
@@ -207,10 +217,6 @@ impl<'a> Trainer<'a> {
             batch.on_normals.push(samples.on_normals[index]);
             batch.on_colours.push(samples.on_colours[index]);
         }
-        let inside = |target: f32| match fields.geometry.representation {
-            Representation::Occupancy => target > 0.5,
-            Representation::SignedDistance => target < 0.0,
-        };
         for (winner, index) in self.in_spatial_order(assigned_off, &found) {
             batch.off_points.push(found.points[winner]);
             batch.off_targets.push(samples.off_targets[index]);
@@ -242,8 +248,8 @@ impl<'a> Trainer<'a> {
         keyed.into_iter().map(|(_, winner, index)| (winner, index)).collect()
     }
 
-    /// The candidate that each point is trained through.
-    fn assign(&self, posed: &PosedField, candidates: &Candidates<f32>) -> Vec<Option<usize>> {
+    /// The candidate that each point is trained through, given which points are inside the scan.
+    fn assign(&self, posed: &PosedField, candidates: &Candidates<f32>, is_inside: &[bool]) -> Vec<Option<usize>> {
         match self.config.assignment {
             Assignment::Field => {
                 let values = posed.geometry(&candidates.points);
@@ -253,9 +259,10 @@ impl<'a> Trainer<'a> {
             Assignment::Body => {
                 let depths: Vec<f32> =
                     candidates.points.par_iter().map(|point| self.canonical.distance(*point)).collect();
-                let winners = posed.winners(candidates, |index, best| depths[index] < depths[best]);
-                let is_possible = |winner: &usize| depths[*winner] < CERTAINLY_OUTSIDE;
-                winners.into_iter().map(|winner| winner.filter(is_possible)).collect()
+                let possible = |point: usize, index: usize| {
+                    depths[index] < CERTAINLY_OUTSIDE && (is_inside[point] || depths[index] > -DEEPEST_SURFACE)
+                };
+                posed.winners_among(candidates, possible, |index, best| depths[index] < depths[best])
             }
         }
     }

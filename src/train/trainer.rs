@@ -16,6 +16,7 @@ use xavatar_network::{Adam, NetworkUpdate, ParameterGroup, SummedGradient};
 use super::checkpoint::{Progress, State, checkpoints};
 use super::frame_store::FrameStore;
 use super::losses::{LossEvaluator, LossTerms};
+use super::metrics_log::MetricsLog;
 use super::pretraining::CanonicalBody;
 use super::step::{Drawn, add_time};
 use super::{Event, Observer, Stage, StepRecord};
@@ -31,7 +32,6 @@ use crate::render::{Camera, FRONT, Tile, View, contact_sheet, render_mesh, write
 use crate::{Error, Result};
 
 const CONFIG: &str = "config.toml";
-pub(super) const METRICS: &str = "metrics.jsonl";
 const PREVIEWS: &str = "previews";
 /// Weight of the past in the running mean of the loss.
 const LOSS_MEMORY: f64 = 0.98;
@@ -70,7 +70,7 @@ pub struct Trainer<'a> {
     pub(super) voxel_gradient: Vec<f32>,
     pub(super) state: State,
     pub(super) losses: LossEvaluator<f32>,
-    metrics: fs::File,
+    metrics: MetricsLog,
     started: Instant,
     /// Seconds that earlier commands spent on this run.
     earlier_seconds: f64,
@@ -187,7 +187,7 @@ impl<'a> Trainer<'a> {
         };
         Ok(Self {
             losses: LossEvaluator::new(&state.fields, rayon::current_num_threads()),
-            metrics: continue_metrics(&run.join(METRICS), &state.progress)?,
+            metrics: MetricsLog::open(run, (state.progress.pretraining_steps + state.progress.steps) as usize)?,
             earlier_seconds: state.progress.seconds,
             groups,
             grid,
@@ -221,8 +221,7 @@ impl<'a> Trainer<'a> {
                 break;
             }
             let record = self.step(stage)?;
-            let line = serde_json::to_string(&record).unwrap_or_default();
-            writeln!(self.metrics, "{line}").map_err(Error::io(self.run.join(METRICS)))?;
+            self.metrics.write(&record)?;
             observer.event(Event::Step { progress: self.share_done(), record: &record });
             let Progress { pretraining_steps, steps, .. } = self.state.progress;
             if (pretraining_steps + steps).is_multiple_of(self.config.schedule.checkpoint_steps) {
@@ -373,7 +372,7 @@ impl<'a> Trainer<'a> {
     fn checkpoint(&mut self, observer: &mut dyn Observer) -> Result<()> {
         self.state.progress.seconds = self.seconds();
         let path = self.state.save(&self.run, self.config.schedule.checkpoints_kept)?;
-        self.metrics.sync_data().map_err(Error::io(self.run.join(METRICS)))?;
+        self.metrics.sync()?;
         observer.event(Event::Checkpoint { path: &path });
         Ok(())
     }
@@ -404,15 +403,4 @@ impl<'a> Trainer<'a> {
         observer.event(Event::Preview { path: &path });
         Ok(())
     }
-}
-
-/// Opens the metrics for appending, without the lines of steps after the checkpoint that the run continues from.
-fn continue_metrics(path: &Path, progress: &Progress) -> Result<fs::File> {
-    if path.is_file() {
-        let text = fs::read_to_string(path).map_err(Error::io(path))?;
-        let done = (progress.pretraining_steps + progress.steps) as usize;
-        let kept: String = text.split_inclusive('\n').filter(|line| line.ends_with('\n')).take(done).collect();
-        write_atomically(path, |file| file.write_all(kept.as_bytes()))?;
-    }
-    fs::OpenOptions::new().create(true).append(true).open(path).map_err(Error::io(path))
 }

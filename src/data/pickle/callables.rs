@@ -2,7 +2,7 @@
 //!
 //! Each entry re-does in Rust what the Python function of that name would do with plain data (numpy's
 //! `_reconstruct`, `_frombuffer`, `scalar` and `dtype`; `_codecs.encode`, by which protocol 2 spells bytes;
-//! `OrderedDict`; `copyreg._reconstructor`). PyTorch's tensors would be entries here.
+//! `OrderedDict`, `defaultdict`; `copyreg._reconstructor`; PyTorch's `_rebuild_tensor_v2`).
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -10,6 +10,7 @@ use std::sync::Arc;
 use super::machine::Machine;
 use super::node::{Node, NodeId, Object};
 use super::object::{is_inline_array, is_known_class};
+use super::tensors::is_passed_over;
 use crate::data::element::{ElementKind, ElementType, element_count};
 use crate::data::fault::{Fault, excerpt};
 
@@ -45,13 +46,24 @@ impl<'a> Machine<'a> {
                 Ok(Node::Bytes(Cow::Borrowed(&[])))
             }
             ("collections.OrderedDict", &[]) => Ok(Node::Dict(Vec::new())),
+            // The argument makes missing entries; there are none to make.
+            ("collections.defaultdict", &[] | &[_]) => Ok(Node::Dict(Vec::new())),
+            ("torch._utils._rebuild_tensor_v2", &[storage, offset, size, stride, ..]) => {
+                self.tensor(storage, offset, size, stride)
+            }
+            ("torch._utils._rebuild_parameter", &[tensor, ..]) => match &self.nodes[tensor as usize] {
+                Node::Array(array) => Ok(Node::Array(Arc::clone(array))),
+                other => Err(self.broken(other.kind(), "a tensor")),
+            },
             ("collections.OrderedDict", &[pairs]) => self.dict_of_pairs(pairs),
             ("copy_reg._reconstructor" | "copyreg._reconstructor", &[class, ..]) => match &self.nodes[class as usize] {
                 Node::Global(class) if is_known_class(class) => Ok(instance(class)),
+                Node::Global(class) if self.passes_over(class) => Ok(Node::PassedOver),
                 Node::Global(class) => Err(Fault::refused(format_args!("`{}`", excerpt_name(class)))),
                 other => Err(self.broken(other.kind(), "a class")),
             },
             (class, &[]) if is_known_class(class) => Ok(instance(class)),
+            (class, _) if self.passes_over(class) => Ok(Node::PassedOver),
             (name, _) => Err(Fault::refused(format_args!("`{}`", excerpt_name(name)))),
         }
     }
@@ -59,6 +71,8 @@ impl<'a> Machine<'a> {
     /// Gives the object `target` its state (Python's `__setstate__`).
     pub(super) fn set_state(&mut self, target: NodeId, state: NodeId) -> Result<(), Fault> {
         let updated = match &self.nodes[target as usize] {
+            // Attributes of a dict, such as a state dict's `_metadata`, are no entries of it.
+            Node::Dict(_) | Node::PassedOver => return Ok(()),
             &Node::ElementType(element) => Node::ElementType(self.element_type_with_state(element, state)?),
             Node::EmptyArray => match self.tuple_items(state)?[..] {
                 [_version, shape, element, fortran_order, data] => {
@@ -231,7 +245,12 @@ impl<'a> Machine<'a> {
         entries.map(Node::Dict).ok_or_else(|| self.broken("something else", "a list of pairs"))
     }
 
-    fn tuple_items(&self, id: NodeId) -> Result<&[NodeId], Fault> {
+    /// Whether objects of the class are passed over: only beside tensors.
+    pub(super) fn passes_over(&self, class: &str) -> bool {
+        self.storages.is_some() && is_passed_over(class)
+    }
+
+    pub(super) fn tuple_items(&self, id: NodeId) -> Result<&[NodeId], Fault> {
         match &self.nodes[id as usize] {
             Node::Tuple(items) => Ok(items),
             other => Err(self.broken(other.kind(), "a tuple")),

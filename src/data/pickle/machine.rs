@@ -10,6 +10,7 @@ use super::budget::Budget;
 use super::cursor::Cursor;
 use super::literals;
 use super::node::{Node, NodeId};
+use super::tensors::Storages;
 use super::value::Value;
 use crate::data::fault::Fault;
 
@@ -26,10 +27,13 @@ pub(super) struct Machine<'a> {
     marks: Vec<usize>,
     memo: HashMap<u32, NodeId>,
     pub(super) budget: Budget,
+    /// Where persistent ids lead to; nowhere in a pickle that is a file of its own.
+    pub(super) storages: Option<&'a Storages<'a>>,
 }
 
 impl<'a> Machine<'a> {
-    pub(super) fn new(bytes: &'a [u8]) -> Self {
+    /// A machine for a pickle in `file_bytes` bytes of data.
+    pub(super) fn new(bytes: &'a [u8], storages: Option<&'a Storages<'a>>, file_bytes: usize) -> Self {
         Self {
             cursor: Cursor::new(bytes),
             opcode_at: 0,
@@ -37,7 +41,8 @@ impl<'a> Machine<'a> {
             stack: Vec::new(),
             marks: Vec::new(),
             memo: HashMap::new(),
-            budget: Budget::for_file(bytes.len()),
+            budget: Budget::for_file(file_bytes),
+            storages,
         }
     }
 
@@ -184,7 +189,12 @@ impl<'a> Machine<'a> {
             }
 
             // What only an application can resolve
-            b'P' | b'Q' => Err(Fault::refused("an object stored outside the pickle (a persistent id)")),
+            b'Q' => {
+                let id = self.pop()?;
+                let node = self.stored_outside(id)?;
+                self.push(node)
+            }
+            b'P' => Err(Fault::refused("an object stored outside the pickle (a persistent id)")),
             0x97 | 0x98 => Err(Fault::refused("a buffer stored outside the pickle")),
             0x82..=0x84 => Err(Fault::refused("an object of the extension registry")),
             0x92 => Err(Fault::refused("an object constructed with keyword arguments")),
@@ -274,6 +284,7 @@ impl<'a> Machine<'a> {
         let list = self.top()?;
         match &mut self.nodes[list as usize] {
             Node::List(items) => items.extend(new),
+            Node::PassedOver => {}
             other => {
                 let found = other.kind();
                 return Err(self.broken(found, "a list to append to"));
@@ -289,6 +300,7 @@ impl<'a> Machine<'a> {
         };
         match &mut self.nodes[dict as usize] {
             Node::Dict(entries) => entries.extend(pairs.iter().map(|&[key, value]| (key, value))),
+            Node::PassedOver => {}
             other => {
                 let found = other.kind();
                 return Err(self.broken(found, "a dict to set entries of"));

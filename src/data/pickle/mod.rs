@@ -5,7 +5,7 @@
 //! in [`callables`] and re-done in Rust; anything else that would be called is refused by its name. Memory is bounded
 //! by a budget proportional to the file, nesting by [`value::MAX_DEPTH`], so cycles and "billion laughs" are errors.
 //!
-//! Persistent ids (PyTorch's storages) and out-of-band buffers are refused; both arrive in one place in [`machine`].
+//! Persistent ids lead to a PyTorch archive's storages ([`tensors`]), and are refused elsewhere; so are out-of-band buffers.
 
 mod budget;
 mod callables;
@@ -15,6 +15,7 @@ mod literals;
 mod machine;
 mod node;
 mod object;
+mod tensors;
 mod value;
 mod write;
 
@@ -24,6 +25,7 @@ pub use value::Value;
 pub use write::write_pickle;
 
 pub(super) use flatten::flatten;
+pub(super) use tensors::Storages;
 
 use super::ArrayMap;
 use super::fault::Fault;
@@ -66,5 +68,14 @@ pub fn read_pickle_arrays(path: impl AsRef<Path>) -> Result<ArrayMap> {
 
 /// Interprets the bytes of a pickle.
 pub(super) fn parse_pickle(bytes: &[u8]) -> std::result::Result<Value, Fault> {
-    machine::Machine::new(bytes).run()
+    machine::Machine::new(bytes, None, bytes.len()).run()
+}
+
+/// Interprets the pickle of an archive of `file_bytes` bytes, whose tensors' numbers are in `storages`.
+pub(super) fn parse_pickle_with_tensors(
+    bytes: &[u8],
+    storages: &Storages<'_>,
+    file_bytes: usize,
+) -> std::result::Result<Value, Fault> {
+    machine::Machine::new(bytes, Some(storages), file_bytes).run()
 }

@@ -6,6 +6,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
+use super::tensors::Storage;
 use crate::data::Array;
 use crate::data::element::ElementType;
 
@@ -31,6 +32,10 @@ pub(super) enum Node<'a> {
     Array(Arc<Array>),
     /// An instance of a class that [`super::object`] knows, with its state once set.
     Object(Box<Object>),
+    /// The numbers of tensors.
+    Storage(Storage<'a>),
+    /// What stands in the place of an object that is passed over.
+    PassedOver,
 }
 
 /// An instance of an allow-listed Python class.
@@ -55,7 +60,8 @@ impl Node<'_> {
             Self::Global(_) => "a function or class",
             Self::ElementType(_) => "a numpy element type",
             Self::EmptyArray | Self::Array(_) => "an array",
-            Self::Object(_) => "an object",
+            Self::Object(_) | Self::PassedOver => "an object",
+            Self::Storage(_) => "a storage",
         }
     }
 

@@ -100,6 +100,8 @@ impl Machine<'_> {
                 let state = object.state.map_or(Ok(Value::None), |state| self.value(nodes, state, depth))?;
                 resolve(&object.class, state, &mut self.budget)?
             }
+            Node::PassedOver | Node::Storage(_) => Value::None,
+            Node::Global(name) if self.passes_over(name) => Value::None,
             Node::Global(name) => {
                 return Err(Fault::refused(format_args!("a reference to `{}`", excerpt(name).trim_matches('"'))));
             }

@@ -1,0 +1,113 @@
+//! Where the camera stands for a picture: level with the subject, just far enough away that all of it is seen.
+
+use glam::Vec3;
+
+use crate::camera::PinholeCamera;
+use crate::{Error, Result};
+
+/// Azimuth of a picture from the front: the subject faces +Z. Radians.
+pub const FRONT: f32 = 0.0;
+/// Azimuth of a picture that shows the front and the subject's left side. Radians (35 degrees).
+pub const THREE_QUARTER: f32 = 0.61;
+
+/// A portrait lens: bodies keep their proportions. Radians (20 degrees).
+const FIELD_OF_VIEW: f32 = 0.35;
+/// Room between the subject and the edges of a picture, as a factor on its extent.
+const MARGIN: f32 = 1.06;
+/// Focal lengths that pictures are drawn with, in longest sides of the picture: the integers of the rasteriser are bounded.
+const FOCAL_LENGTHS: std::ops::RangeInclusive<f32> = 0.005..=1000.0;
+/// How far the principal point may lie from the picture's corner, in longest sides.
+const FARTHEST_PRINCIPAL_POINT: f32 = 4.0;
+
+impl PinholeCamera {
+    /// A camera that sees the whole box (`minimum`, `maximum`), level with its centre, from the direction `azimuth` about +Y
+    /// ([`FRONT`] is +Z, positive turns towards +X, the subject's left).
+    ///
+    /// # Errors
+    /// [`Error::Value`] if the box is empty or not finite (a mesh without vertices has no bounds).
+    pub fn framing(minimum: Vec3, maximum: Vec3, azimuth: f32, width: u32, height: u32) -> Result<Self> {
+        let extent = maximum - minimum;
+        if !(extent.min_element() >= 0.0 && extent.max_element() > 0.0 && extent.is_finite() && azimuth.is_finite()) {
+            return Err(Error::Value {
+                name: "box to be framed".into(),
+                found: format!("{minimum} to {maximum}, seen from azimuth {azimuth}"),
+                expected: "a finite box with an extent".into(),
+            });
+        }
+        let target = (minimum + maximum) / 2.0;
+        let direction = Vec3::new(azimuth.sin(), 0.0, azimuth.cos());
+        let right = Vec3::new(direction.z, 0.0, -direction.x);
+        let vertical = (FIELD_OF_VIEW / 2.0).tan();
+        let horizontal = vertical * width as f32 / height.max(1) as f32;
+        let distance = (0..8)
+            .map(|corner| {
+                let side = |bit: u32| if corner >> bit & 1 == 0 { -0.5 } else { 0.5 };
+                let offset = extent * Vec3::new(side(0), side(1), side(2)) * MARGIN;
+                let opening = (offset.dot(right).abs() / horizontal).max(offset.y.abs() / vertical);
+                opening + offset.dot(direction)
+            })
+            .fold(0.0, f32::max);
+        Self::looking_at(target + direction * distance, target, FIELD_OF_VIEW, [width, height])
+    }
+}
+
+/// Checks what pictures need beyond [`PinholeCamera::check`].
+pub(super) fn check_camera(camera: &PinholeCamera) -> Result<()> {
+    camera.check()?;
+    let side = camera.width.max(camera.height) as f32;
+    for (name, length) in [("fx", camera.fx), ("fy", camera.fy)] {
+        if !FOCAL_LENGTHS.contains(&(length / side)) {
+            let [least, most] = [FOCAL_LENGTHS.start() * side, FOCAL_LENGTHS.end() * side];
+            return Err(Error::Value {
+                name: name.into(),
+                found: format!("{length} pixels"),
+                expected: format!("{least} to {most} for a picture of this size"),
+            });
+        }
+    }
+    for (name, place) in [("cx", camera.cx), ("cy", camera.cy)] {
+        let farthest = FARTHEST_PRINCIPAL_POINT * side;
+        if place.abs() > farthest {
+            return Err(Error::Value {
+                name: name.into(),
+                found: format!("{place} pixels"),
+                expected: format!("at most {farthest} from the corner of a picture of this size"),
+            });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec2;
+
+    use super::*;
+
+    #[test]
+    fn framing_keeps_every_corner_inside_and_fills_the_picture() {
+        let (minimum, maximum) = (Vec3::new(-0.9, -1.2, -0.2), Vec3::new(0.8, 0.6, 0.3));
+        for azimuth in [FRONT, THREE_QUARTER, 2.0, -1.3] {
+            let camera = PinholeCamera::framing(minimum, maximum, azimuth, 300, 500).unwrap();
+            let mut fill = 0.0_f32;
+            for corner in 0..8 {
+                let pick = |bit: u32, axis: usize| if corner >> bit & 1 == 0 { minimum[axis] } else { maximum[axis] };
+                let (pixel, _) = camera.project(Vec3::new(pick(0, 0), pick(1, 1), pick(2, 2)));
+                let relative = (pixel / Vec2::new(150.0, 250.0) - Vec2::ONE).abs();
+                fill = fill.max(relative.max_element());
+            }
+            assert!((0.85..1.0).contains(&fill), "azimuth {azimuth}: corners reach {fill} of the half picture");
+        }
+    }
+
+    #[test]
+    fn cameras_that_no_picture_can_be_drawn_with_are_errors() {
+        let good = PinholeCamera::looking_at(Vec3::Z, Vec3::ZERO, 0.5, [8, 8]).unwrap();
+        assert!(check_camera(&good).is_ok());
+        assert!(check_camera(&PinholeCamera { width: 0, ..good }).is_err());
+        assert!(check_camera(&PinholeCamera { fx: 1e-4, ..good }).is_err());
+        assert!(check_camera(&PinholeCamera { fy: 1e20, ..good }).is_err());
+        assert!(check_camera(&PinholeCamera { cx: -1e9, ..good }).is_err());
+        assert!(PinholeCamera::framing(Vec3::MAX, Vec3::MIN, FRONT, 8, 8).is_err(), "bounds of nothing");
+    }
+}

@@ -1,0 +1,227 @@
+//! A mesh that is pictured: from the faces that samples see to colours.
+//!
+//! Each pixel has eight samples and is shaded once for every face they see, at the centroid of that face's samples, with
+//! perspective-correct attributes. What no camera changes is made once.
+
+use std::borrow::Cow;
+
+use glam::{Vec2, Vec3};
+use image::RgbImage;
+use rayon::prelude::*;
+
+use super::colour_map::{ColourMap, linear_colour};
+use super::framing::check_camera;
+use super::light::{background, decode_srgb, encode_srgb, illumination, softly_open};
+use super::occlusion::openness;
+use super::rasterize::{Band, EMPTY, ROOKS, Rasterizer, sample_place};
+use crate::camera::PinholeCamera;
+use crate::mesh::{SurfacePoint, TriangleMesh};
+use crate::{Error, Result};
+
+/// Samples in a pixel.
+const SAMPLES: usize = ROOKS.len();
+/// Coordinates beyond it are no picture's subject, and their squares would leave f32's range, metres.
+const FARTHEST: f32 = 1e6;
+/// The colour of a mesh without one: a warm plaster, linear.
+const PLASTER: Vec3 = Vec3::new(0.64, 0.62, 0.59);
+/// Share of a coloured surface's light that does not depend on direction: scans carry their own shading.
+const UNLIT_SHARE: f32 = 0.55;
+/// The same for colours that mean numbers: the shape shows, and a legend still holds.
+const UNLIT_SHARE_OF_DATA: f32 = 0.8;
+
+/// What a picture shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum View {
+    /// The shape alone, in plain grey.
+    Shaded,
+    /// The mesh's own colours, gently lit; plain grey where it has none.
+    Colour,
+    /// The mesh's own colours, lit so little that they can be compared with a legend: they mean numbers or names.
+    Data,
+    /// Normals in camera space: red right, green up, blue towards the camera, each from -1 (0) to 1 (255).
+    Normals,
+    /// Depth z by the colours of [`ColourMap::Viridis`], the nearest brightest.
+    Depth {
+        /// The depth of the brightest colour, metres.
+        near: f32,
+        /// The depth of the darkest colour, metres.
+        far: f32,
+    },
+}
+
+/// A mesh made ready for pictures.
+pub struct Scene<'a> {
+    mesh: &'a TriangleMesh,
+    normals: Cow<'a, [Vec3]>,
+    /// How open each vertex is to the sky's light, 0 to 1; none: all of it reaches all of them.
+    openness: Option<Vec<f32>>,
+}
+
+/// A picture of a mesh; for several of the same mesh, keep a [`Scene`].
+///
+/// # Errors
+/// As [`Scene::new`] and [`Scene::render`].
+pub fn render_mesh(mesh: &TriangleMesh, camera: &PinholeCamera, view: View) -> Result<RgbImage> {
+    Scene::new(mesh)?.render(camera, view)
+}
+
+impl<'a> Scene<'a> {
+    /// Checks the mesh. Its normals are used where present, else they are computed from its faces.
+    ///
+    /// # Errors
+    /// [`Error::Value`] if the mesh fails [`TriangleMesh::check`] or reaches farther than 1000 km.
+    pub fn new(mesh: &'a TriangleMesh) -> Result<Self> {
+        check(mesh)?;
+        let normals = match &mesh.normals {
+            Some(normals) => Cow::Borrowed(normals.as_slice()),
+            None => Cow::Owned(mesh.vertex_normals()),
+        };
+        Ok(Self { mesh, normals, openness: None })
+    }
+
+    /// Darkens creases and what is close to other parts, in [`View::Shaded`] and [`View::Colour`]. It costs as much as ten
+    /// pictures, once.
+    ///
+    /// # Errors
+    /// [`Error::Value`] if the mesh is too large for depth images of it.
+    pub fn with_ambient_occlusion(mut self) -> Result<Self> {
+        self.openness = Some(openness(self.mesh, &self.normals)?);
+        Ok(self)
+    }
+
+    /// An anti-aliased picture.
+    ///
+    /// # Errors
+    /// [`Error::Value`] if the camera is impossible.
+    pub fn render(&self, camera: &PinholeCamera, view: View) -> Result<RgbImage> {
+        check_camera(camera)?;
+        let points = to_camera(self.mesh, camera);
+        let places = std::array::from_fn(|sample| sample_place(&ROOKS, sample));
+        let shader = Shader { scene: self, points: &points, camera, view, places };
+        let PinholeCamera { width, height, .. } = *camera;
+        let mut picture = RgbImage::new(width, height);
+        Rasterizer::new(&points, &self.mesh.faces, camera, ROOKS)
+            .draw(&mut picture, 3, |band, pixels| shader.shade(band, pixels));
+        Ok(picture)
+    }
+}
+
+/// The vertices in camera space.
+pub(super) fn to_camera(mesh: &TriangleMesh, camera: &PinholeCamera) -> Vec<Vec3> {
+    mesh.vertices.par_iter().map(|&vertex| camera.to_camera(vertex)).collect()
+}
+
+pub(super) fn check(mesh: &TriangleMesh) -> Result<()> {
+    mesh.check()?;
+    match mesh.vertices.iter().position(|vertex| vertex.abs().max_element() > FARTHEST) {
+        None => Ok(()),
+        Some(index) => Err(Error::Value {
+            name: format!("vertex {index}"),
+            found: mesh.vertices[index].to_string(),
+            expected: format!("coordinates up to {FARTHEST} m"),
+        }),
+    }
+}
+
+/// A scene before a camera.
+struct Shader<'a> {
+    scene: &'a Scene<'a>,
+    /// Vertices in camera space.
+    points: &'a [Vec3],
+    camera: &'a PinholeCamera,
+    view: View,
+    /// Where a pixel's samples lie in it.
+    places: [Vec2; SAMPLES],
+}
+
+impl Shader<'_> {
+    fn shade(&self, band: &Band<SAMPLES>, pixels: &mut [u8]) {
+        let PinholeCamera { width, height, .. } = *self.camera;
+        for (index, line) in pixels.chunks_exact_mut(3 * width as usize).enumerate() {
+            let row = band.first_row + index as u32;
+            let background = self.background((row as f32 + 0.5) / height as f32);
+            let empty = background.to_array().map(encode_srgb);
+            for (column, pixel) in line.chunks_exact_mut(3).enumerate() {
+                let faces = if band.columns.contains(&column) { band.faces(index, column) } else { [EMPTY; SAMPLES] };
+                if faces == [EMPTY; SAMPLES] {
+                    pixel.copy_from_slice(&empty);
+                } else {
+                    let light = self.mean_light(faces, Vec2::new(column as f32, row as f32), background);
+                    pixel.copy_from_slice(&light.to_array().map(encode_srgb));
+                }
+            }
+        }
+    }
+
+    /// The mean over the faces that the samples of the pixel with this upper left corner see.
+    fn mean_light(&self, faces: [u32; SAMPLES], corner: Vec2, background: Vec3) -> Vec3 {
+        let mut light = Vec3::ZERO;
+        for sample in 0..SAMPLES {
+            if faces[..sample].contains(&faces[sample]) {
+                continue;
+            }
+            let alike = (sample..SAMPLES).filter(|&other| faces[other] == faces[sample]);
+            let (sum, count) = alike.fold((Vec2::ZERO, 0.0), |(sum, n), other| (sum + self.places[other], n + 1.0));
+            light += count
+                * match faces[sample] {
+                    EMPTY => background,
+                    face => self.colour(face, corner + sum / count),
+                };
+        }
+        light / SAMPLES as f32
+    }
+
+    fn background(&self, height: f32) -> Vec3 {
+        match self.view {
+            View::Shaded | View::Colour => background(height),
+            View::Normals | View::Data | View::Depth { .. } => Vec3::ONE,
+        }
+    }
+
+    /// The linear colour of a face at a place of the picture.
+    fn colour(&self, face: u32, place: Vec2) -> Vec3 {
+        let mesh = self.scene.mesh;
+        let vertices = mesh.faces[face as usize].map(|vertex| vertex as usize);
+        let corners = vertices.map(|vertex| self.points[vertex]);
+        let point = meeting_point(face, corners, self.camera.ray(place));
+        let mean =
+            |values: [Vec3; 3]| -> Vec3 { values.iter().zip(point.barycentric).map(|(v, share)| *v * share).sum() };
+        if let View::Depth { near, far } = self.view {
+            return linear_colour(ColourMap::Viridis, (far - mean(corners).z) / (far - near));
+        }
+        let outward = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let smooth = self.camera.rotation * mean(vertices.map(|v| self.scene.normals[v]));
+        let normal = smooth.try_normalize().unwrap_or(outward.normalize_or_zero());
+        if self.view == View::Normals {
+            return (Vec3::new(normal.x, -normal.y, -normal.z) * 0.5 + 0.5).map(decode_srgb);
+        }
+        // Open scans show their inner side too: light it as if it were an outer one.
+        let facing = if outward.dot(corners[0]) > 0.0 { -normal } else { normal };
+        let open = match &self.scene.openness {
+            Some(openness) => vertices.iter().zip(point.barycentric).map(|(v, share)| openness[*v] * share).sum(),
+            None => 1.0,
+        };
+        let lit = illumination(facing, open);
+        let unlit_share = if self.view == View::Data { UNLIT_SHARE_OF_DATA } else { UNLIT_SHARE };
+        match mesh.colour_at(&point).filter(|_| self.view != View::Shaded) {
+            Some(colour) => colour.map(decode_srgb) * (unlit_share * softly_open(open) + (1.0 - unlit_share) * lit),
+            None => PLASTER * lit,
+        }
+    }
+}
+
+/// Where a ray from the camera meets the plane of a face, drawn back onto the face. Camera space.
+pub(super) fn meeting_point(face: u32, corners: [Vec3; 3], ray: Vec3) -> SurfacePoint {
+    let (first, second) = (corners[1] - corners[0], corners[2] - corners[0]);
+    // Moeller-Trumbore from the ray's point at the first corner's depth: differences stay small, so nothing cancels.
+    let start = ray * corners[0].z - corners[0];
+    let across = ray.cross(second);
+    let determinant = first.dot(across);
+    let b = start.dot(across) / determinant;
+    let c = ray.dot(start.cross(first)) / determinant;
+    let shares = [1.0 - b - c, b, c].map(|share| share.max(0.0));
+    let sum: f32 = shares.iter().sum();
+    // A face seen edge-on has no unique point: take its middle.
+    let barycentric = if sum.is_finite() && sum > 0.0 { shares.map(|share| share / sum) } else { [1.0 / 3.0; 3] };
+    SurfacePoint { face, barycentric }
+}
