@@ -98,16 +98,17 @@ pub(super) fn parse(text: &str) -> Parsed<Bvh> {
     if frames == 0 || width == 0 {
         return Err(words.fault(format_args!("{frames} frames of {width} channels"), "at least one of each"));
     }
-    let expected = frames.checked_mul(width);
+    // Saturated, it is still more than any file has.
+    let expected = frames.saturating_mul(width);
     let mut values = Vec::new();
     while let Some(word) = words.next() {
         let value = word.parse().ok().filter(|value: &f64| value.is_finite());
         values.push(value.ok_or_else(|| words.fault(excerpt(word), "a finite number"))?);
-        if Some(values.len()) > expected {
+        if values.len() > expected {
             return Err(words.fault("more numbers", format_args!("{frames} frames of {width} channels")));
         }
     }
-    if Some(values.len()) != expected {
+    if values.len() != expected {
         let found = format!("{} numbers", values.len());
         return Err(Fault::malformed("the end", found, format_args!("{frames} frames of {width} channels")));
     }
