@@ -2,6 +2,8 @@
 //!
 //! A run's folder holds the complete configuration as used. Unknown keys are errors that suggest the nearest known one.
 
+mod rgbd;
+
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -11,11 +13,16 @@ use xavatar_network::{AdamSettings, GeometryShape, Representation, TextureShape}
 use crate::canonical_grid::VoxelShape;
 use crate::{Error, Result};
 
+pub use rgbd::RgbdSettings;
+
 /// The built-in presets: name, contents.
-const PRESETS: [(&str, &str); 3] = [
+const PRESETS: [(&str, &str); 6] = [
     ("paper-scan", include_str!("../configs/paper-scan.toml")),
     ("fast", include_str!("../configs/fast.toml")),
     ("demo", include_str!("../configs/demo.toml")),
+    ("paper-rgbd", include_str!("../configs/paper-rgbd.toml")),
+    ("fast-rgbd", include_str!("../configs/fast-rgbd.toml")),
+    ("demo-rgbd", include_str!("../configs/demo-rgbd.toml")),
 ];
 
 /// A complete configuration of one training run.
@@ -40,6 +47,9 @@ pub struct Config {
     pub assignment: Assignment,
     /// Points drawn from each frame.
     pub sampling: SamplingSettings,
+    /// Further points of each frame of an RGB-D camera; without it, the frames are scans.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rgbd: Option<RgbdSettings>,
     /// Weights of the loss terms.
     pub losses: LossSettings,
     /// Adam and its learning rate.
@@ -209,6 +219,11 @@ pub struct LossSettings {
     pub eikonal: f64,
     /// Points for it a frame.
     pub eikonal_points: usize,
+    /// Distance by which the field leaves its bounds in the air that a camera looks through, per metre.
+    ///
+    /// Not in the thesis: 0 there.
+    #[serde(default)]
+    pub free_space: f64,
 }
 
 /// Adam and its learning rate.
@@ -360,10 +375,20 @@ impl Config {
             ("losses.surface", self.losses.surface),
             ("losses.volume", self.losses.volume),
             ("losses.eikonal", self.losses.eikonal),
+            ("losses.free_space", self.losses.free_space),
         ] {
             within(name, weight, 1e6)?;
         }
+        if let Some(rgbd) = &self.rgbd {
+            within("rgbd.eyes_mouth_share", rgbd.eyes_mouth_share, self.sampling.face_share)?;
+            within("rgbd.hand_depth", rgbd.hand_depth.into(), 1.0)?;
+            within("rgbd.free_points", rgbd.free_points as f64, 1e7)?;
+            within("rgbd.unseen_points", rgbd.unseen_points as f64, 1e7)?;
+        }
         match self.fields.representation {
+            Representation::Occupancy if self.rgbd.is_some() => {
+                refuse("fields.representation", "occupancy", "signed_distance for RGB-D frames, which show no inside")
+            }
             Representation::Occupancy if self.losses.distance > 0.0 => {
                 refuse("losses.distance", self.losses.distance, "0 for an occupancy field, which has no distances")
             }
@@ -375,7 +400,7 @@ impl Config {
     }
 }
 
-fn refuse(name: &str, found: f64, expected: &str) -> Result<()> {
+fn refuse(name: &str, found: impl ToString, expected: &str) -> Result<()> {
     Err(Error::Value { name: name.into(), found: found.to_string(), expected: expected.into() })
 }
 

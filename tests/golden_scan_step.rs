@@ -69,6 +69,8 @@ fn losses_and_gradients_match() {
         },
         volume_weights: WeightTargets::default(),
         eikonal_points: golden.points("x_canonical_on"),
+        free_points: Vec::new(),
+        free_bounds: Vec::new(),
         implicit_gradient: true,
     };
     assert_eq!(batch.condition.len(), CONDITION);

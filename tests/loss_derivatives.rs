@@ -46,6 +46,8 @@ fn batch(random: &mut ChaCha8Rng) -> CanonicalBatch<f64> {
         surface_weights: weights(random, 6),
         volume_weights: weights(random, 7),
         eikonal_points: points(random, 8),
+        free_points: points(random, 10),
+        free_bounds: (0..10).map(|index| [0.0, 0.05 * f64::from(index)]).collect(),
         implicit_gradient: false,
     }
 }
@@ -72,6 +74,7 @@ fn gradients_match_differences() {
         surface: 2.0,
         volume: 0.8,
         eikonal: 0.6,
+        free_space: 2.5,
         ..Config::preset("demo").unwrap().losses
     };
     let mut random = ChaCha8Rng::seed_from_u64(11);
@@ -82,7 +85,7 @@ fn gradients_match_differences() {
     let share = 0.5;
     let mut evaluator = LossEvaluator::new(&fields, 2);
     let terms = evaluator.accumulate(&fields, &batch, &losses, share).unwrap();
-    for term in ["distance", "normal", "bone", "joint", "surface", "volume", "eikonal"] {
+    for term in ["distance", "normal", "bone", "joint", "surface", "volume", "eikonal", "free_space"] {
         assert!(terms[term] > 0.0, "{term} is {}", terms[term]);
     }
     let gradients = evaluator.take_gradients(&fields);

@@ -7,7 +7,7 @@ use xavatar::body::BodyModel;
 use xavatar::config::Config;
 use xavatar::data::FrameSource;
 use xavatar::mannequin::BuiltInSubject;
-use xavatar::train::Trainer;
+use xavatar::train::{Trainer, TrainingFrames};
 
 use crate::report::{Report, Seconds};
 use crate::steps::{OneFrame, Timings};
@@ -23,7 +23,8 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
     let subject = BuiltInSubject::new()?;
     let (source, folder, mut timings) = (OneFrame::of(&subject)?, tempfile::tempdir()?, Timings::default());
     let (model, labels) = (subject.model(), subject.part_labels());
-    let mut trainer = Trainer::start(&config, &source, model, labels, folder.path(), &mut timings)?;
+    let mut trainer =
+        Trainer::start(&config, TrainingFrames::Scans(&source), model, labels, folder.path(), &mut timings)?;
     trainer.run(&AtomicBool::new(false), &mut timings)?;
     let avatar = trainer.avatar();
     let canonical = BodyModel::canonical_parameters(&avatar.subject.betas);

@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use xavatar::config::{Config, SearchedField, Starts};
 use xavatar::correspondence::{PosedField, PosedWarp, bake, bone_rows, start_groups};
 use xavatar::mannequin::{BuiltInSubject, Split};
-use xavatar::train::Trainer;
+use xavatar::train::{Trainer, TrainingFrames};
 
 use crate::report::{Report, Seconds};
 use crate::steps::{OneFrame, Timings};
@@ -35,7 +35,8 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
     let folder = tempfile::tempdir()?;
     let (source, mut timings) = (OneFrame::of(&subject)?, Timings::default());
     let labels = subject.part_labels();
-    let mut trainer = Trainer::start(&config, &source, model, labels, folder.path(), &mut timings)?;
+    let mut trainer =
+        Trainer::start(&config, TrainingFrames::Scans(&source), model, labels, folder.path(), &mut timings)?;
     trainer.run(&AtomicBool::new(false), &mut timings)?;
     let avatar = trainer.avatar();
 

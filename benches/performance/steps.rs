@@ -10,7 +10,7 @@ use xavatar::body::Gender;
 use xavatar::config::Config;
 use xavatar::data::{FrameId, FrameSource, ScanFrame};
 use xavatar::mannequin::{BuiltInSubject, Split};
-use xavatar::train::{Event, Observer, Stage, Trainer};
+use xavatar::train::{Event, Observer, Stage, Trainer, TrainingFrames};
 
 use crate::report::{Report, Seconds};
 
@@ -92,7 +92,8 @@ pub fn child(case: &str) -> Result<(), Box<dyn std::error::Error>> {
     let subject = BuiltInSubject::new()?;
     let (source, folder, mut timings) = (OneFrame::of(&subject)?, tempfile::tempdir()?, Timings::default());
     let (model, labels) = (subject.model(), subject.part_labels());
-    let mut trainer = Trainer::start(&config, &source, model, labels, folder.path(), &mut timings)?;
+    let mut trainer =
+        Trainer::start(&config, TrainingFrames::Scans(&source), model, labels, folder.path(), &mut timings)?;
     trainer.run(&AtomicBool::new(false), &mut timings)?;
     let Timings(mut measured) = timings;
     measured.extend(peak_mebibytes().map(|peak| ("peak_mib".to_owned(), vec![peak])));

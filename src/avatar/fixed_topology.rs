@@ -15,7 +15,6 @@ use crate::Result;
 use crate::body::{BodyModel, BodyParameters, JOINTS};
 use crate::canonical_grid::BodyPlaces;
 use crate::correspondence::bone_rows;
-use crate::fields::CONDITION;
 use crate::mesh::TriangleMesh;
 
 /// A canonical mesh that is skinned from frame to frame.
@@ -41,7 +40,7 @@ impl<'a> FixedTopology<'a> {
     /// # Errors
     /// As [`Avatar::extract_canonical`].
     pub fn new(avatar: &Avatar, body: &'a BodyModel, resolution: usize) -> Result<Self> {
-        let extraction = avatar.canonical_surface(&[0.0; CONDITION], resolution)?;
+        let extraction = avatar.extract_unconditioned(resolution)?;
         let canonical = extraction.mesh;
         let points = arrays(&canonical.vertices);
         let normals = arrays(canonical.normals.as_deref().unwrap_or_default());
@@ -71,6 +70,26 @@ impl<'a> FixedTopology<'a> {
         self.dropped_components
     }
 
+    /// Skinning weights of the canonical vertices (V, J), row-major; each row sums to 1.
+    pub fn weights(&self) -> &[f32] {
+        &self.weights
+    }
+
+    /// The canonical vertices (V) with the frame's offsets of the body model, which an avatar trained with them has: x_c + o.
+    ///
+    /// # Errors
+    /// If the parameters do not fit the body model.
+    pub fn displaced(&self, parameters: &BodyParameters) -> Result<Vec<[f32; 3]>> {
+        let mut points = self.points.clone();
+        if let Some(places) = &self.places {
+            let parameters = BodyParameters { betas: self.betas, ..parameters.clone() };
+            let offsets = places.offsets(&self.body.canonical_offsets(&parameters)?);
+            let offsets = offsets.as_flattened();
+            points.as_flattened_mut().iter_mut().zip(offsets).for_each(|(point, offset)| *point += offset);
+        }
+        Ok(points)
+    }
+
     /// The mesh posed by `parameters`, in the avatar's own shape and in the world. It has the faces and colours of the canonical
     /// mesh.
     ///
@@ -79,15 +98,7 @@ impl<'a> FixedTopology<'a> {
     pub fn pose(&self, parameters: &BodyParameters) -> Result<TriangleMesh> {
         let parameters = BodyParameters { betas: self.betas, ..parameters.clone() };
         let bones = bone_rows(&self.body.canonical_to_posed(&parameters)?);
-        let mut points = self.points.clone();
-        if let Some(places) = &self.places {
-            let offsets = places.offsets(&self.body.canonical_offsets(&parameters)?);
-            points
-                .as_flattened_mut()
-                .iter_mut()
-                .zip(offsets.as_flattened())
-                .for_each(|(point, offset)| *point += offset);
-        }
+        let points = self.displaced(&parameters)?;
         let mut vertices = vec![Vec3::ZERO; points.len()];
         let mut normals = vec![Vec3::ZERO; points.len()];
         let places = vertices.par_chunks_mut(BLOCK_ROWS).zip(normals.par_chunks_mut(BLOCK_ROWS));

@@ -22,8 +22,8 @@ pub use self::official::OfficialMeta;
 use self::shading::{Posing, shade};
 use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels};
 use crate::config::{Config, SkinningSettings};
-use crate::fields::{Fields, Skinning, condition};
-use crate::mesh::{Component, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
+use crate::fields::{CONDITION, Fields, Skinning, condition};
+use crate::mesh::{Colouring, Component, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
 use crate::tensor_file::TensorFile;
 use crate::train::{insert_parameters, load_parameters, load_voxels};
 use crate::{Error, Result};
@@ -144,6 +144,28 @@ impl Avatar {
     /// [`Error::NoSurface`] with the range of values seen; [`Error::Value`] for a resolution out of range.
     pub fn extract_canonical(&self, parameters: &BodyParameters, resolution: usize) -> Result<Extraction> {
         self.canonical_surface(&condition(parameters), resolution)
+    }
+
+    /// The canonical surface under no condition: that of [`FixedTopology`].
+    ///
+    /// # Errors
+    /// As [`Avatar::extract_canonical`].
+    pub fn extract_unconditioned(&self, resolution: usize) -> Result<Extraction> {
+        self.canonical_surface(&[0.0; CONDITION], resolution)
+    }
+
+    /// The colours (N), sRGB, of canonical points (N) on or near the surface, under no condition as those of [`FixedTopology`].
+    ///
+    /// # Errors
+    /// Those of the fields: points that are not finite.
+    pub fn colours(&self, points: &[Vec3]) -> Result<Vec<[u8; 3]>> {
+        let embedded = self.fields.geometry.mlp.embed(&[0.0; CONDITION]);
+        let mut mesh = TriangleMesh { vertices: points.to_vec(), ..TriangleMesh::default() };
+        shade(&self.fields, &embedded, &Posing::Canonical, &arrays(points), &mut mesh)?;
+        match mesh.colouring {
+            Colouring::Vertex(colours) => Ok(colours),
+            Colouring::None | Colouring::Texture { .. } => Ok(Vec::new()),
+        }
     }
 
     /// The surface in one pose; for several, keep an [`Animator`].

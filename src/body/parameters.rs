@@ -4,6 +4,9 @@
 
 use glam::Vec3;
 
+use super::skeleton::JOINTS;
+use crate::{Error, Result};
+
 /// One joint's rotation relative to its parent: axis times angle, radians.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PoseAxisAngle(pub Vec3);
@@ -48,4 +51,40 @@ pub struct BodyParameters {
     pub right_hand_pose: HandPose,
     /// Translation added to every vertex, metres.
     pub transl: Vec3,
+}
+
+impl BodyParameters {
+    /// The rotation of each joint (J), with these absolute rotations of the hands' joints.
+    ///
+    /// # Errors
+    /// [`Error::Value`] if a parameter is not finite.
+    pub(crate) fn joint_poses(
+        &self,
+        left_hand: &[PoseAxisAngle; 15],
+        right_hand: &[PoseAxisAngle; 15],
+    ) -> Result<[PoseAxisAngle; JOINTS]> {
+        require_finite("betas", &self.betas)?;
+        require_finite("expression", &self.expression)?;
+        require_finite("transl", &self.transl.to_array())?;
+        let poses: [PoseAxisAngle; JOINTS] = std::array::from_fn(|joint| match joint {
+            0 => self.global_orient,
+            1..=21 => self.body_pose[joint - 1],
+            22 => self.jaw_pose,
+            23 => self.left_eye_pose,
+            24 => self.right_eye_pose,
+            25..=39 => left_hand[joint - 25],
+            _ => right_hand[joint - 40],
+        });
+        for (joint, pose) in poses.iter().enumerate() {
+            require_finite(&format!("the rotation of joint {joint}"), &pose.0.to_array())?;
+        }
+        Ok(poses)
+    }
+}
+
+fn require_finite(name: &str, values: &[f32]) -> Result<()> {
+    match values.iter().find(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(value) => Err(Error::Value { name: name.into(), found: value.to_string(), expected: "finite".into() }),
+    }
 }

@@ -144,21 +144,18 @@ impl BodyModel {
         })
     }
 
-    /// The rotation of each joint relative to its parent, whatever convention the hands came in.
+    /// The rotation of each joint (J) relative to its parent, whatever convention the hands came in: all absolute.
+    ///
+    /// # Errors
+    /// As [`pose`](Self::pose).
+    pub fn joint_poses(&self, parameters: &BodyParameters) -> Result<[PoseAxisAngle; JOINTS]> {
+        let left = self.left_hand.rotations("left_hand_pose", &parameters.left_hand_pose)?;
+        let right = self.right_hand.rotations("right_hand_pose", &parameters.right_hand_pose)?;
+        parameters.joint_poses(&left, &right)
+    }
+
     fn joint_rotations(&self, parameters: &BodyParameters) -> Result<[Mat3A; JOINTS]> {
-        require_finite("betas", &parameters.betas)?;
-        require_finite("expression", &parameters.expression)?;
-        require_finite("transl", &parameters.transl.to_array())?;
-        let mut pose = Vec::with_capacity(JOINTS);
-        pose.push(parameters.global_orient);
-        pose.extend(parameters.body_pose);
-        pose.extend([parameters.jaw_pose, parameters.left_eye_pose, parameters.right_eye_pose]);
-        pose.extend(self.left_hand.rotations("left_hand_pose", &parameters.left_hand_pose)?);
-        pose.extend(self.right_hand.rotations("right_hand_pose", &parameters.right_hand_pose)?);
-        for (joint, rotation) in pose.iter().enumerate() {
-            require_finite(&format!("the rotation of joint {joint}"), &rotation.0.to_array())?;
-        }
-        Ok(std::array::from_fn(|joint| rotation(pose[joint])))
+        Ok(self.joint_poses(parameters)?.map(rotation))
     }
 }
 
@@ -217,11 +214,4 @@ fn pose_features(rotations: &[Mat3A; JOINTS]) -> [f32; POSE_FEATURES] {
         let (joint, row, column) = (1 + feature / 9, feature % 9 / 3, feature % 3);
         rotations[joint].col(column)[row] - if row == column { 1.0 } else { 0.0 }
     })
-}
-
-fn require_finite(name: &str, values: &[f32]) -> Result<()> {
-    match values.iter().find(|value| !value.is_finite()) {
-        None => Ok(()),
-        Some(value) => Err(Error::Value { name: name.into(), found: value.to_string(), expected: "finite".into() }),
-    }
 }

@@ -1,18 +1,15 @@
 //! `xavatar ablate`: train and measure the method without one part after another, in one table.
 
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use serde::{Deserialize, Serialize};
-use xavatar::avatar::{Animator, Avatar};
 use xavatar::config::Config;
-use xavatar::evaluate::{Ablation, AblationRow, AblationTable, Evaluation};
-use xavatar::train::{Ending, Trainer, seconds_per_step};
+use xavatar::evaluate::{Ablation, AblationRow, AblationTable};
+use xavatar::train::TrainingFrames;
 
-use super::inputs::{Registered, Split, SubjectArguments, SubjectFrames};
+use super::inputs::{Split, SubjectArguments, SubjectFrames};
 use super::json::JsonArgument;
-use super::progress::Progress;
+use super::measured_run::{MeasuredRun, RunMetrics, Yardstick};
 use super::training::TrainingArguments;
 use super::{Outcome, WrongUsage, outputs, stop};
 
@@ -42,19 +39,9 @@ pub struct Ablate {
     json: JsonArgument,
 }
 
-/// A measured variant, with what it was measured on.
-#[derive(Serialize, Deserialize)]
-struct Measured {
-    split: Split,
-    resolution: usize,
-    row: AblationRow,
-}
-
 impl Ablate {
     const JSON: &str = "ablations.json";
     const MARKDOWN: &str = "ablations.md";
-    /// In a variant's folder once it is measured.
-    const MEASURED: &str = "ablation.json";
 
     pub fn run(self) -> anyhow::Result<Outcome> {
         let variants = Ablation::ALL.map(|ablation| self.configuration(ablation).map(|config| (ablation, config)));
@@ -64,13 +51,23 @@ impl Ablate {
         let opened = self.subject.open()?;
         outputs::existing_folder(&self.out)?;
         let stop = stop::on_interrupt()?;
+        let frames = SubjectFrames::new(&opened.subject, &opened.subject.train);
+        let yardstick = Yardstick {
+            body: &opened.body,
+            labels: &opened.labels,
+            scans: &SubjectFrames::new(&opened.subject, self.split.files(&opened.subject)),
+            split: self.split,
+            resolution: self.resolution,
+        };
         let mut table = AblationTable::default();
         for (ablation, config) in &variants {
-            let Some(row) = self.row(*ablation, config, &opened, stop)? else {
+            let run = self.variant(*ablation, config);
+            let Some(measured) = run.finish(TrainingFrames::Scans(&frames), &yardstick, stop)? else {
                 log::info!("stopped; the same command again goes on");
                 return Ok(Outcome::Stopped);
             };
-            table.rows.push(row);
+            let RunMetrics { steps, seconds_per_step, frames, mean } = measured;
+            table.rows.push(AblationRow { ablation: *ablation, steps, seconds_per_step, frames, mean });
             outputs::write_json(&self.out.join(Self::JSON), &table)?;
             outputs::write_text(&self.out.join(Self::MARKDOWN), &table.markdown())?;
         }
@@ -100,87 +97,10 @@ impl Ablate {
                 bail!("{}: the folder is not empty, and not of ablations; give a new --out", self.out.display());
             }
         }
-        for (ablation, config) in variants {
-            let run = self.out.join(ablation.folder());
-            if is_run(&run) && Trainer::configuration(&run)? != *config {
-                bail!("{}: the run was started with other settings; give a new --out", run.display());
-            }
-        }
-        Ok(())
+        variants.iter().try_for_each(|(ablation, config)| self.variant(*ablation, config).refuse_other_settings())
     }
 
-    /// Trains and measures a variant as far as that is not done; none if it was stopped.
-    fn row(
-        &self,
-        ablation: Ablation,
-        config: &Config,
-        opened: &Registered,
-        stop: &AtomicBool,
-    ) -> anyhow::Result<Option<AblationRow>> {
-        let run = self.out.join(ablation.folder());
-        let mut progress = Progress::new();
-        if run.join(Avatar::FILE).is_file() {
-            log::info!("{}: trained already", ablation.name());
-        } else {
-            log::info!("{}: training", ablation.name());
-            let frames = SubjectFrames::new(&opened.subject, &opened.subject.train);
-            let begin = if is_run(&run) { Trainer::resume } else { Trainer::start };
-            let mut trainer = begin(config, &frames, &opened.body, &opened.labels, &run, &mut progress)?;
-            let ending = trainer.run(stop, &mut progress)?;
-            progress.finish();
-            if ending == Ending::Stopped {
-                return Ok(None);
-            }
-        }
-        if let Some(row) = self.measured_before(&run) {
-            return Ok(Some(row));
-        }
-        if stop.load(Ordering::Relaxed) {
-            return Ok(None);
-        }
-        let avatar = Avatar::load(&run)?;
-        let animator = Animator::new(&avatar, &opened.body, &opened.labels)?;
-        let files = self.split.files(&opened.subject);
-        let evaluation = Evaluation {
-            body: &opened.body,
-            labels: &opened.labels,
-            baseline: None,
-            samples: Evaluation::SAMPLES,
-            seed: 0,
-        };
-        let mut done = 0;
-        let mut progress = Progress::new();
-        let report = evaluation.run(
-            SubjectFrames::new(&opened.subject, files).iter(),
-            |frame| Ok(animator.extract(&frame.parameters, self.resolution)?.mesh),
-            |frame| {
-                done += 1;
-                progress.show("measuring", f64::from(done) / files.len() as f64, &frame.frame);
-            },
-        )?;
-        progress.finish();
-        let row = AblationRow {
-            ablation,
-            steps: avatar.steps,
-            seconds_per_step: seconds_per_step(&run)?,
-            frames: report.per_frame.len(),
-            mean: report.mean(),
-        };
-        let measured = Measured { split: self.split, resolution: self.resolution, row };
-        outputs::write_json(&run.join(Self::MEASURED), &measured)?;
-        // As later calls read it: a number may lose its last bit on the way.
-        Ok(Some(self.measured_before(&run).unwrap_or(measured.row)))
+    fn variant<'a>(&self, ablation: Ablation, config: &'a Config) -> MeasuredRun<'a> {
+        MeasuredRun { name: ablation.name().into(), folder: self.out.join(ablation.folder()), config }
     }
-
-    /// The row of an earlier call, if it was measured on the same.
-    fn measured_before(&self, run: &Path) -> Option<AblationRow> {
-        let text = std::fs::read_to_string(run.join(Self::MEASURED)).ok()?;
-        let measured: Measured = serde_json::from_str(&text).ok()?;
-        (measured.split == self.split && measured.resolution == self.resolution).then_some(measured.row)
-    }
-}
-
-/// Whether a run was begun in the folder.
-fn is_run(folder: &Path) -> bool {
-    !matches!(outputs::is_new_or_empty(folder), Ok(true))
 }

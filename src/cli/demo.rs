@@ -3,18 +3,19 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Context, bail};
-use rayon::prelude::*;
+use anyhow::bail;
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{BodyModel, Gender};
 use xavatar::config::Config;
-use xavatar::data::{FrameId, FrameSource, ScanFrame, write_npz, write_pickle, write_subject};
+use xavatar::data::{ScanFrame, write_npz, write_pickle, write_subject};
 use xavatar::evaluate::Evaluation;
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::mesh::{TriangleMesh, write_ply};
-use xavatar::train::{Ending, Trainer};
+use xavatar::render::write_png;
+use xavatar::train::{Ending, Trainer, TrainingFrames};
 
-use super::gallery::Gallery;
+use super::filmed::{Filmed, FilmedInDepth};
+use super::gallery::{Gallery, sheet_of_pictures};
 use super::json::JsonArgument;
 use super::progress::Progress;
 use super::{Outcome, outputs, stop};
@@ -23,12 +24,16 @@ use super::{Outcome, outputs, stop};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     xavatar demo\n  \
+    xavatar demo --rgbd --out runs/demo-rgbd\n  \
     xavatar demo --write-data mannequin && xavatar check mannequin --body mannequin/body\n\n\
     A demo that was stopped goes on when the same command is given again.")]
 pub struct Demo {
     /// Do the same with far fewer steps, frames and cells, to see that everything works
     #[arg(long)]
     smoke: bool,
+    /// Learn from the pictures of an RGB-D camera that goes around the subject once, instead of from scans
+    #[arg(long)]
+    rgbd: bool,
     /// The folder for the run, the meshes and the pictures: new or empty
     #[arg(long, value_name = "DIR", default_value = "runs/demo")]
     out: PathBuf,
@@ -49,6 +54,8 @@ struct Size {
     samples: usize,
     /// Columns and rows of one picture, pixels.
     picture: (u32, u32),
+    /// Columns and rows of what the RGB-D camera takes, pixels.
+    filmed: [u32; 2],
     /// What differs from the preset.
     settings: &'static [(&'static str, &'static str)],
 }
@@ -59,6 +66,7 @@ const FULL: Size = Size {
     resolution: 224,
     samples: Evaluation::SAMPLES,
     picture: (300, 500),
+    filmed: [800, 1200],
     settings: &[],
 };
 
@@ -68,6 +76,7 @@ const SMOKE: Size = Size {
     resolution: 64,
     samples: 2000,
     picture: (120, 200),
+    filmed: [200, 300],
     settings: &[
         ("schedule.steps", "12"),
         ("schedule.pretraining_steps", "20"),
@@ -85,7 +94,12 @@ impl Demo {
         self.json.check()?;
         let resumes = self.resumes()?;
         let subject = BuiltInSubject::new()?;
-        let frames = Filmed::new(&subject, Split::Train, size.training_frames)?;
+        let scans = Filmed::new(&subject, Split::Train, size.training_frames)?;
+        let pictures = if self.rgbd { Some(FilmedInDepth::new(&scans, size.filmed)?) } else { None };
+        let frames = match &pictures {
+            Some(pictures) => TrainingFrames::Rgbd(pictures),
+            None => TrainingFrames::Scans(&scans),
+        };
         let stop = stop::on_interrupt()?;
         let (body, labels) = (subject.model(), subject.part_labels());
         let mut progress = Progress::new();
@@ -94,10 +108,13 @@ impl Demo {
             Trainer::configuration(&self.out)?
         } else {
             let settings = size.settings.iter().map(|(key, value)| (key.to_string(), value.to_string()));
-            Config::preset_with("demo", &settings.collect::<Vec<_>>())?
+            Config::preset_with(self.preset(), &settings.collect::<Vec<_>>())?
         };
         let begin = if resumes { Trainer::resume } else { Trainer::start };
-        let mut trainer = begin(&config, &frames, body, labels, &self.out, &mut progress)?;
+        let mut trainer = begin(&config, frames, body, labels, &self.out, &mut progress)?;
+        if let Some(pictures) = &pictures {
+            write_png(self.out.join("pictures.png"), &sheet_of_pictures(&pictures.frames, size.picture)?)?;
+        }
         let trained = trainer.run(stop, &mut progress)?;
         let shown = match trained {
             Ending::Finished => self.show(&trainer.avatar(), &subject, size, stop, &mut progress)?,
@@ -113,6 +130,10 @@ impl Demo {
         }
     }
 
+    fn preset(&self) -> &'static str {
+        if self.rgbd { "demo-rgbd" } else { "demo" }
+    }
+
     /// Written last: its presence says that the demo is complete.
     fn metrics_file(&self) -> PathBuf {
         self.out.join("metrics.json")
@@ -124,7 +145,7 @@ impl Demo {
             return Ok(false);
         }
         let config = self.out.join("config.toml");
-        if self.metrics_file().exists() || !config.exists() || Config::read(&config)?.preset != "demo" {
+        if self.metrics_file().exists() || !config.exists() || Config::read(&config)?.preset != self.preset() {
             bail!("{}: the folder is not empty; remove it, or give another --out", self.out.display());
         }
         Ok(true)
@@ -209,39 +230,4 @@ fn write_data(folder: &Path, size: &Size) -> anyhow::Result<Outcome> {
         "try next\n  xavatar check {data} --body {body}\n  xavatar train {data} --body {body} --out runs/mannequin --minutes 5"
     );
     Ok(Outcome::Done)
-}
-
-/// One take of the built-in subject, in memory.
-struct Filmed {
-    frames: Vec<ScanFrame>,
-    ids: Vec<FrameId>,
-    betas: [f32; 10],
-}
-
-impl Filmed {
-    fn new(subject: &BuiltInSubject, split: Split, count: usize) -> anyhow::Result<Self> {
-        let frames: xavatar::Result<Vec<_>> =
-            (0..count).into_par_iter().map(|index| subject.frame(split, index, count)).collect();
-        let frames = frames.context("filming the built-in subject")?;
-        let ids = frames.iter().map(|frame| frame.id.clone()).collect();
-        Ok(Self { frames, ids, betas: subject.betas() })
-    }
-}
-
-impl FrameSource for Filmed {
-    fn ids(&self) -> &[FrameId] {
-        &self.ids
-    }
-
-    fn read(&self, index: usize) -> xavatar::Result<ScanFrame> {
-        Ok(self.frames[index].clone())
-    }
-
-    fn betas(&self) -> [f32; 10] {
-        self.betas
-    }
-
-    fn gender(&self) -> Gender {
-        Gender::Neutral
-    }
 }

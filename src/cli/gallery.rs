@@ -1,9 +1,12 @@
-//! The demo's picture: a column a pose, the subject above the avatar above the avatar's shape; the canonical pose last.
+//! The demo's pictures. The main one: a column a pose, the subject above the avatar above the avatar's shape; the canonical pose last.
 
 use std::path::Path;
 
 use glam::Vec3;
+use image::imageops::{FilterType, resize};
+use image::{Rgb, RgbImage};
 use xavatar::Result;
+use xavatar::data::RgbdFrame;
 use xavatar::mesh::TriangleMesh;
 use xavatar::render::{Camera, FRONT, THREE_QUARTER, Tile, View, contact_sheet, render_mesh, write_png};
 
@@ -50,4 +53,34 @@ impl Gallery {
         let maximum = mesh.vertices.iter().copied().fold(Vec3::MIN, Vec3::max);
         Camera::framing(minimum, maximum, azimuth, self.size.0, self.size.1)
     }
+}
+
+/// Pictures of the RGB-D camera to show.
+const SHOWN: usize = 6;
+
+/// What the RGB-D camera took: colours above depths, evenly spread over the take.
+pub fn sheet_of_pictures(frames: &[RgbdFrame], size: (u32, u32)) -> Result<RgbImage> {
+    let shown = frames.iter().step_by(frames.len().div_ceil(SHOWN).max(1));
+    let scaled = |picture: &RgbImage| {
+        let width = (picture.width() * size.1 / picture.height().max(1)).max(1);
+        resize(picture, width, size.1, FilterType::Triangle)
+    };
+    let (colours, depths) = shown
+        .map(|frame| {
+            let depth = depth_picture(frame);
+            (Tile::new(scaled(&frame.colour), frame.id.to_string()), Tile::new(scaled(&depth), "its depth"))
+        })
+        .unzip();
+    contact_sheet(&[colours, depths])
+}
+
+/// Depths from near, white, to far; what has none is black.
+fn depth_picture(frame: &RgbdFrame) -> RgbImage {
+    let depths = || (0..frame.depth.len()).filter_map(|pixel| frame.surface_depth(pixel));
+    let (near, far) = depths().fold((f32::MAX, f32::MIN), |(near, far), depth| (near.min(depth), far.max(depth)));
+    RgbImage::from_fn(frame.camera.width, frame.camera.height, |column, row| {
+        let depth = frame.surface_depth((row * frame.camera.width + column) as usize);
+        let light = depth.map_or(0.0, |depth| 255.0 - 200.0 * (depth - near) / (far - near).max(f32::MIN_POSITIVE));
+        Rgb([light as u8; 3])
+    })
 }

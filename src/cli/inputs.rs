@@ -10,7 +10,7 @@ use xavatar::data::{FrameFiles, FrameId, FrameSource, ScanFrame, Subject, read_f
 /// A subject's folder and its body model.
 #[derive(clap::Args)]
 pub struct SubjectArguments {
-    /// The subject's folder, in the X-Humans layout
+    /// The subject's folder, in the X-Humans layout or with a rgbd.toml
     #[arg(value_name = "DATA")]
     pub data: PathBuf,
     /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl (the subject's gender.txt chooses)
@@ -74,6 +74,11 @@ impl SubjectFrames {
             betas: subject.betas,
             gender: subject.gender,
         }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.files.len()
     }
 
     /// All frames, one at a time.

@@ -7,19 +7,25 @@
 
 mod ablate;
 mod animate;
+mod captured;
 mod check;
 mod completions;
 mod convert;
 mod demo;
 mod eval;
+mod export;
 mod extract;
+mod filmed;
+mod fuse;
 mod gallery;
 mod info;
 mod inputs;
 mod json;
+mod measured_run;
 mod messages;
 mod motion;
 mod outputs;
+mod pointcloud;
 mod progress;
 mod stop;
 mod train;
@@ -57,10 +63,14 @@ enum Verb {
     Train(train::Train),
     Eval(eval::Eval),
     Ablate(ablate::Ablate),
+    Fuse(fuse::Fuse),
     Extract(extract::Extract),
     Animate(animate::Animate),
+    Export(export::Export),
     Convert(convert::Convert),
     Info(info::Info),
+    #[command(name = "pointcloud")]
+    PointCloud(pointcloud::PointCloudOf),
     Completions(completions::Completions),
 }
 
@@ -115,10 +125,13 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Train(verb) => verb.run(),
         Verb::Eval(verb) => verb.run(),
         Verb::Ablate(verb) => verb.run(),
+        Verb::Fuse(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
+        Verb::Export(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
+        Verb::PointCloud(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
 }

@@ -96,7 +96,7 @@ impl AblationRow {
 }
 
 /// CD, CD-MAX, NC and IoU as text.
-fn values(metrics: Option<PartMetrics>) -> [String; 4] {
+pub(super) fn values(metrics: Option<PartMetrics>) -> [String; 4] {
     match metrics {
         Some(PartMetrics { cd_mm, cd_max_mm, nc, iou, .. }) => {
             [format!("{cd_mm:.2}"), format!("{cd_max_mm:.2}"), format!("{nc:.3}"), format!("{iou:.3}")]

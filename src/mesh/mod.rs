@@ -30,6 +30,7 @@ pub use obj::{read_obj, write_obj};
 pub use ply::{read_ply, write_ply};
 pub use sampling::SurfaceSampler;
 pub use surface::SurfacePoint;
+pub(crate) use texture::encode_png;
 pub use watertight::Topology;
 pub use winding::SolidIndex;
 

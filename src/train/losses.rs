@@ -1,12 +1,15 @@
 //! The loss terms and their gradients at known canonical points (thesis ch. 4.3.1, METHOD section 5).
 //!
 //! L = occupancy BCE(P_off), or distance |f - d| (P_off, P_on), and normal ||n_d - n||^2, colour ||c - c_gt||_1 (P_on),
-//! bone BCE(points on bones are inside), joint, surface and volume ||w - w_gt||^2, eikonal (|grad f| - 1)^2; each times its weight.
+//! bone BCE(points on bones are inside), joint, surface and volume ||w - w_gt||^2, eikonal (|grad f| - 1)^2, free space (f within
+//! bounds); each times its weight.
 //! Means over points, sums over components. Where an off-surface point was found by the search, its cotangent goes on to the
 //! skinning field by the implicit function theorem.
 //!
 //! Each thread takes every T-th block of rows into gradients of its own, which are summed in thread order: the result
 //! depends on the number of threads T and on nothing else.
+
+mod free_space;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -59,6 +62,10 @@ pub struct CanonicalBatch<T> {
     pub volume_weights: WeightTargets<T>,
     /// Canonical points where the field should be a distance.
     pub eikonal_points: Vec<[T; 3]>,
+    /// Canonical points of the air.
+    pub free_points: Vec<[T; 3]>,
+    /// Of each: the least and the greatest distance that the surface may have from it, metres.
+    pub free_bounds: Vec<[T; 2]>,
     /// Whether the off-surface cotangents reach the skinning field.
     pub implicit_gradient: bool,
 }
@@ -85,6 +92,7 @@ enum Block {
     Surface(Range<usize>),
     Volume(Range<usize>),
     Eikonal(Range<usize>),
+    FreeSpace(Range<usize>),
 }
 
 /// Computes losses and gradients; keeps the memory of its threads between calls.
@@ -227,6 +235,7 @@ fn weight_of(losses: &LossSettings, term: &str) -> f64 {
         "surface" => losses.surface,
         "volume" => losses.volume,
         "eikonal" => losses.eikonal,
+        "free_space" => losses.free_space,
         _ => 0.0,
     }
 }
@@ -243,8 +252,9 @@ struct Frame<'a, T> {
 impl<T: Real> Frame<'_, T> {
     /// The blocks of every term whose weight is not zero, the dearest first.
     fn blocks(&self) -> Vec<Block> {
-        let LossSettings { occupancy, distance, normal, colour, bone, joint, surface, volume, eikonal, .. } =
-            *self.losses;
+        let LossSettings {
+            occupancy, distance, normal, colour, bone, joint, surface, volume, eikonal, free_space, ..
+        } = *self.losses;
         let batch = self.batch;
         let mut blocks = Vec::new();
         let mut cut = |wanted: bool, rows: usize, block: fn(Range<usize>) -> Block| {
@@ -256,6 +266,7 @@ impl<T: Real> Frame<'_, T> {
         cut(occupancy + distance > 0.0, batch.off_points.len(), Block::Off);
         cut(occupancy + distance > 0.0, batch.far_points.len(), Block::Far);
         cut(eikonal > 0.0, batch.eikonal_points.len(), Block::Eikonal);
+        cut(free_space > 0.0, batch.free_points.len(), Block::FreeSpace);
         cut(bone > 0.0, batch.bone_points.len(), Block::Bone);
         cut(surface > 0.0, batch.surface_weights.points.len(), Block::Surface);
         cut(volume > 0.0, batch.volume_weights.points.len(), Block::Volume);
@@ -288,6 +299,10 @@ impl<T: Real> Worker<T> {
             Block::On(rows) => self.on_surface(frame, rows.clone()),
             Block::Eikonal(rows) => {
                 self.eikonal(frame, rows.clone());
+                Ok(())
+            }
+            Block::FreeSpace(rows) => {
+                self.free_space(frame, rows.clone());
                 Ok(())
             }
             Block::Bone(rows) => {

@@ -3,6 +3,9 @@
 //! Stage 0 fits geometry and skinning to the body model; then each step takes a few frames. A run is a folder: `config.toml`,
 //! `cache/`, `metrics.jsonl`, `checkpoints/`, `previews/`, and at the end `avatar.safetensors`.
 
+mod camera_sampling;
+mod camera_view;
+mod captured;
 mod checkpoint;
 mod distance_grid;
 mod event_file;
@@ -12,8 +15,10 @@ pub mod losses;
 mod metrics_log;
 mod prepared;
 mod pretraining;
+mod preview;
 mod sampling;
 mod step;
+mod stored;
 mod trainer;
 
 use std::collections::BTreeMap;
@@ -21,6 +26,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+pub use captured::TrainingFrames;
 pub(crate) use checkpoint::{insert_parameters, load_parameters, load_voxels};
 pub use history::seconds_per_step;
 pub use trainer::{Ending, Trainer};

@@ -1,17 +1,22 @@
-//! A frame made ready to draw from: surfaces, solids, part labels, bones.
+//! A frame made ready to draw from: bones, and what supervises: a scan (here), or what an RGB-D camera saw (`camera_view`).
 //!
-//! Everything is in the body's frame: the registration's translation is subtracted from the scan.
+//! Everything is in the body's frame: the registration's translation is subtracted from what was captured.
 
 use glam::Vec3;
 use xavatar_deformer::BoneTransform;
 
+use super::camera_view::CameraView;
+use super::captured::CapturedFrame;
 use crate::body::{BodyModel, Part, PartLabels, Registration};
-use crate::config::{HandSupervision, SamplingSettings, SamplingStrategy};
+use crate::config::{Config, HandSupervision, SamplingSettings, SamplingStrategy};
 use crate::correspondence::bone_rows;
 use crate::data::{FrameId, ScanFrame};
 use crate::fields::condition;
 use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
 use crate::{Error, Result};
+
+/// What a prepared face and vertex take, with their hierarchies.
+pub(super) const BYTES_A_FACE: usize = 200;
 
 /// A surface to draw from, and the solid it bounds.
 pub(super) struct Surface {
@@ -20,7 +25,7 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    fn new(mesh: TriangleMesh) -> Result<Self> {
+    pub fn new(mesh: TriangleMesh) -> Result<Self> {
         Ok(Self { solid: SolidIndex::new(&mesh)?, mesh })
     }
 }
@@ -47,42 +52,76 @@ pub(super) struct PreparedFrame<'a> {
     pub bones: Vec<BoneTransform<f32>>,
     /// What expression and pose add to the canonical body's vertices (V).
     pub offsets: Vec<Vec3>,
+    pub supervision: Supervision<'a>,
+}
+
+/// What a frame's points are drawn from.
+pub(super) enum Supervision<'a> {
+    Scan(ScanSupervision<'a>),
+    Camera(CameraView<'a>),
+}
+
+/// A scan and the body registered to it.
+pub(super) struct ScanSupervision<'a> {
     pub scan: Surface,
     pub body: Surface,
     pub registration: Registration<'a>,
     pub regions: Vec<Region>,
 }
 
+/// The registered body of a frame, in its own frame.
+pub(super) struct RegisteredBody<'a> {
+    pub mesh: TriangleMesh,
+    pub labels: &'a PartLabels,
+    pub registration: Registration<'a>,
+}
+
 impl<'a> PreparedFrame<'a> {
-    /// Prepares a frame; the scan must have normals or faces to take them from, and a surface.
-    pub fn new(
-        frame: ScanFrame,
-        body: &BodyModel,
-        labels: &'a PartLabels,
-        settings: &SamplingSettings,
-    ) -> Result<Self> {
-        let id = frame.id.clone();
+    /// Prepares a frame; a scan must have normals or faces to take them from, and a surface.
+    pub fn new(frame: CapturedFrame, body: &BodyModel, labels: &'a PartLabels, config: &Config) -> Result<Self> {
+        let id = frame.id().clone();
         let prepare = || {
-            let ScanFrame { mut scan, parameters, id } = frame;
-            scan.vertices.iter_mut().for_each(|vertex| *vertex -= parameters.transl);
+            let parameters = frame.parameters();
             let posed: Vec<Vec3> =
-                body.pose(&parameters)?.vertices.into_iter().map(|vertex| vertex - parameters.transl).collect();
+                body.pose(parameters)?.vertices.into_iter().map(|vertex| vertex - parameters.transl).collect();
             let registration = Registration::new(&posed, labels)?;
-            let mut body_mesh = body.mesh(posed);
-            body_mesh.normals = Some(body_mesh.vertex_normals());
-            let regions = regions(&scan, &body_mesh, labels, &registration, settings)?;
+            let mut mesh = body.mesh(posed);
+            mesh.normals = Some(mesh.vertex_normals());
+            let registered = RegisteredBody { mesh, labels, registration };
             Ok(Self {
-                id,
-                condition: condition(&parameters),
-                offsets: body.canonical_offsets(&parameters)?,
-                bones: bone_rows(&body.canonical_to_posed(&parameters)?),
-                scan: Surface::new(scan)?,
-                body: Surface::new(body_mesh)?,
-                registration,
-                regions,
+                id: id.clone(),
+                condition: condition(parameters),
+                offsets: body.canonical_offsets(parameters)?,
+                bones: bone_rows(&body.canonical_to_posed(parameters)?),
+                supervision: match frame {
+                    CapturedFrame::Scan(frame) => {
+                        Supervision::Scan(ScanSupervision::new(frame, registered, &config.sampling)?)
+                    }
+                    CapturedFrame::Rgbd(frame) => Supervision::Camera(CameraView::new(*frame, registered, config)?),
+                },
             })
         };
         prepare().map_err(|error: Error| error.in_frame(id.to_string()))
+    }
+
+    /// What the frame takes in memory, about, bytes.
+    pub fn size(&self) -> usize {
+        match &self.supervision {
+            Supervision::Scan(ScanSupervision { scan, body, .. }) => {
+                BYTES_A_FACE * (scan.mesh.faces.len() + body.mesh.faces.len())
+            }
+            Supervision::Camera(view) => view.size(),
+        }
+    }
+}
+
+impl<'a> ScanSupervision<'a> {
+    fn new(frame: ScanFrame, body: RegisteredBody<'a>, settings: &SamplingSettings) -> Result<Self> {
+        let ScanFrame { mut scan, parameters, .. } = frame;
+        scan.vertices.iter_mut().for_each(|vertex| *vertex -= parameters.transl);
+        let RegisteredBody { mesh, labels, registration } = body;
+        let regions = regions(&scan, &mesh, labels, &registration, settings)?;
+        Ok(Self { scan: Surface::new(scan)?, body: Surface::new(mesh)?, registration, regions })
     }
 
     pub fn surface(&self, source: Source) -> &Surface {
@@ -112,10 +151,6 @@ fn regions(
     let scan_faces = |wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
         (0..scan.faces.len()).filter(|face| wanted(nearest[*face])).map(|face| face as u32).collect()
     };
-    let body_faces = |part: Part| -> Vec<u32> {
-        let of_part = |face: &&[u32; 3]| face.iter().all(|vertex| labels.parts[*vertex as usize] == part);
-        body.faces.iter().enumerate().filter(|(_, face)| of_part(face)).map(|(index, _)| index as u32).collect()
-    };
     let of_part = |part: Part| scan_faces(&|vertex| labels.parts[vertex] == part);
     let mut wanted = vec![
         (Source::Scan, Part::Body, settings.body_share, of_part(Part::Body)),
@@ -124,7 +159,7 @@ fn regions(
     ];
     for part in [Part::LeftHand, Part::RightHand] {
         let (source, faces) = match settings.hand_supervision {
-            HandSupervision::Registration => (Source::Registration, body_faces(part)),
+            HandSupervision::Registration => (Source::Registration, faces_of_part(body, labels, part)),
             HandSupervision::Scan => (Source::Scan, of_part(part)),
         };
         wanted.push((source, part, settings.hand_share, faces));
@@ -136,4 +171,10 @@ fn regions(
         Ok(Region { source, part, share, sampler: SurfaceSampler::new(mesh, Some(&faces))? })
     };
     wanted.into_iter().map(region).collect()
+}
+
+/// The faces of a body whose corners all belong to a part.
+pub(super) fn faces_of_part(body: &TriangleMesh, labels: &PartLabels, part: Part) -> Vec<u32> {
+    let of_part = |face: &[u32; 3]| face.iter().all(|vertex| labels.parts[*vertex as usize] == part);
+    (0..).zip(&body.faces).filter(|(_, face)| of_part(face)).map(|(index, _)| index).collect()
 }

@@ -53,6 +53,8 @@ pub(super) struct CanonicalBody<'a> {
     distances: DistanceGrid,
     /// Places that are inside for certain, evenly spread.
     deep_places: Vec<Vec3>,
+    /// Draws the surface that no frame shows, of the body without expression; none if all of it is shown.
+    unseen: Option<SurfaceSampler>,
 }
 
 /// The canonical body of one expression.
@@ -95,7 +97,27 @@ impl<'a> CanonicalBody<'a> {
             },
             distances,
             expressions,
+            unseen: None,
         })
+    }
+
+    /// Lets the body stand in for the surface around the vertices (V) that are not in `seen`.
+    pub fn stand_in(&mut self, seen: &[bool]) {
+        let mesh = &self.expressions[0].mesh;
+        let is_unseen = |face: &[u32; 3]| face.iter().all(|vertex| !seen[*vertex as usize]);
+        let unseen: Vec<u32> =
+            (0..).zip(&mesh.faces).filter(|(_, face)| is_unseen(face)).map(|(index, _)| index).collect();
+        // Without area there is nothing to draw.
+        self.unseen = SurfaceSampler::new(mesh, Some(&unseen)).ok();
+    }
+
+    /// Adds `count` points around the surface that no frame shows, with their distance to the body.
+    pub fn unseen(&self, count: usize, deviation: f32, random: &mut ChaCha8Rng, batch: &mut CanonicalBatch<f32>) {
+        let (Some(sampler), body) = (&self.unseen, &self.expressions[0]) else { return };
+        let mut draw = |_| body.mesh.position_at(&sampler.sample(random)) + deviation * normal_vector(random);
+        let points: Vec<Vec3> = (0..count).map(&mut draw).collect();
+        batch.far_targets.par_extend(points.par_iter().map(|point| body.solid.signed_distance(*point).0));
+        batch.far_points.extend(points.iter().map(Vec3::to_array));
     }
 
     /// The terms that every frame shares: bones, joints, and the weights of `count` vertices of hands and face.

@@ -1,4 +1,4 @@
-//! Part-aware sampling of one frame (thesis ch. 4.2.4, METHOD section 4).
+//! Part-aware sampling of one scan (thesis ch. 4.2.4, METHOD section 4).
 //!
 //! P_on: points of each region's surface, with normal and colour. P_off: the same points moved by normal noise, plus points
 //! uniform in a cube; with occupancy, or signed distance, from the region's own solid.
@@ -10,7 +10,7 @@ use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use xavatar_network::Representation;
 
-use super::prepared::{PreparedFrame, Source};
+use super::prepared::{ScanSupervision, Source};
 use crate::config::{SamplingSettings, SamplingStrategy};
 use crate::correspondence::part_label;
 use crate::mesh::SurfacePoint;
@@ -25,6 +25,10 @@ pub(super) struct PosedSamples {
     pub off_points: Vec<[f32; 3]>,
     pub off_targets: Vec<f32>,
     pub off_labels: Vec<u8>,
+    /// Points of the air; the least and the greatest distance of the surface from each, metres.
+    pub free_points: Vec<[f32; 3]>,
+    pub free_bounds: Vec<[f32; 2]>,
+    pub free_labels: Vec<u8>,
 }
 
 struct OnSurface {
@@ -37,9 +41,9 @@ struct OnSurface {
 /// Widens the bound on a distance past its rounding.
 const REACH_SLACK: f32 = 1.001;
 
-/// Draws a frame's points; signed distances are true up to `truncation`, metres.
+/// Draws a scan's points; signed distances are true up to `truncation`, metres.
 pub(super) fn draw(
-    frame: &PreparedFrame,
+    frame: &ScanSupervision,
     settings: &SamplingSettings,
     representation: Representation,
     truncation: f32,

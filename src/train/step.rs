@@ -14,8 +14,9 @@ use rayon::prelude::*;
 use xavatar_deformer::{Candidates, SearchStatistics};
 use xavatar_network::Representation;
 
+use super::camera_sampling;
 use super::losses::CanonicalBatch;
-use super::prepared::PreparedFrame;
+use super::prepared::{PreparedFrame, Supervision};
 use super::pretraining::CanonicalBody;
 use super::sampling::{self, PosedSamples};
 use super::trainer::Trainer;
@@ -64,8 +65,11 @@ impl<'a> Order<'a> {
         let Self { place, epoch, frame, config, representation, mut random } = self;
         let dropped = random.random::<f64>() < config.fields.condition_dropout;
         let condition = if dropped { vec![0.0; CONDITION] } else { frame.condition.clone() };
-        let samples =
-            sampling::draw(&frame, &config.sampling, representation, config.losses.truncation as f32, &mut random);
+        let truncation = config.losses.truncation as f32;
+        let samples = match &frame.supervision {
+            Supervision::Scan(scan) => sampling::draw(scan, &config.sampling, representation, truncation, &mut random),
+            Supervision::Camera(view) => camera_sampling::draw(view, config, &mut random),
+        };
         Drawn { place, epoch, frame, condition, samples, random, seconds: begin.elapsed().as_secs_f64() }
     }
 }
@@ -179,7 +183,7 @@ impl<'a> Trainer<'a> {
             Representation::Occupancy => target > 0.5,
             Representation::SignedDistance => target < 0.0,
         };
-        record.points += samples.on_points.len() + samples.off_points.len();
+        record.points += samples.on_points.len() + samples.off_points.len() + samples.free_points.len();
         record.frames.push(frame.id.to_string());
         *record.split.entry("sampling").or_default() += seconds;
         let begin = Instant::now();
@@ -194,15 +198,17 @@ impl<'a> Trainer<'a> {
             bounds: self.subject.bounds,
         };
         let in_frame = |error: Error| error.in_frame(frame.id.to_string());
-        // One search for both kinds of points: the frame's warp is made once.
-        let points = [samples.on_points.as_slice(), &samples.off_points].concat();
-        let labels = [samples.on_labels.as_slice(), &samples.off_labels].concat();
+        // One search for all kinds of points: the frame's warp is made once.
+        let points = [samples.on_points.as_slice(), &samples.off_points, &samples.free_points].concat();
+        let labels = [samples.on_labels.as_slice(), &samples.off_labels, &samples.free_labels].concat();
         let found = posed.candidates(&points, &labels).map_err(in_frame)?;
-        // What the scan says of a point: on the surface, outside, or inside.
+        // What was captured of a point: on the surface, outside, or inside.
         let on = samples.on_points.iter().map(|_| false);
-        let is_inside: Vec<bool> = on.chain(samples.off_targets.iter().map(|target| inside(*target))).collect();
+        let off = samples.off_targets.iter().map(|target| inside(*target));
+        let is_inside: Vec<bool> = on.chain(off).chain(samples.free_points.iter().map(|_| false)).collect();
         let assigned = self.assign(&posed, &found, &is_inside);
-        let (assigned_on, assigned_off) = assigned.split_at(samples.on_points.len());
+        let (assigned_on, others) = assigned.split_at(samples.on_points.len());
+        let (assigned_off, assigned_free) = others.split_at(samples.off_points.len());
         *statistics = statistics.and(found.statistics);
         add_time(record, "search", begin);
 
@@ -221,11 +227,18 @@ impl<'a> Trainer<'a> {
             batch.off_points.push(found.points[winner]);
             batch.off_targets.push(samples.off_targets[index]);
         }
+        for (winner, index) in self.in_spatial_order(assigned_free, &found) {
+            batch.free_points.push(found.points[winner]);
+            batch.free_bounds.push(samples.free_bounds[index]);
+        }
         let lost = assigned_off.iter().zip(&samples.off_targets).filter(|(winner, _)| winner.is_none());
         record.inside_without_root += lost.filter(|(_, target)| inside(**target)).count();
         self.canonical.anchor(WEIGHT_POINTS, &mut random, &mut batch);
         let count = self.config.sampling.far_points;
         self.canonical.far(count, fields.geometry.representation, &mut random, &mut batch);
+        if let Some(rgbd) = &self.config.rgbd {
+            self.canonical.unseen(rgbd.unseen_points, self.config.sampling.deviation, &mut random, &mut batch);
+        }
         if self.config.losses.eikonal > 0.0 {
             let count = self.config.losses.eikonal_points;
             batch.eikonal_points = self.canonical.around(count, EIKONAL_SPREAD, &mut random);
@@ -248,7 +261,7 @@ impl<'a> Trainer<'a> {
         keyed.into_iter().map(|(_, winner, index)| (winner, index)).collect()
     }
 
-    /// The candidate that each point is trained through, given which points are inside the scan.
+    /// The candidate that each point is trained through, given which points are inside.
     fn assign(&self, posed: &PosedField, candidates: &Candidates<f32>, is_inside: &[bool]) -> Vec<Option<usize>> {
         match self.config.assignment {
             Assignment::Field => {

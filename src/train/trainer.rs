@@ -9,26 +9,25 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use glam::Vec3;
 use xavatar_deformer::{BakedWeights, StartGroups, VoxelSkinning};
 use xavatar_network::{Adam, NetworkUpdate, ParameterGroup, SummedGradient};
 
+use super::captured::TrainingFrames;
 use super::checkpoint::{Progress, State, checkpoints};
 use super::frame_store::FrameStore;
 use super::losses::{LossEvaluator, LossTerms};
 use super::metrics_log::MetricsLog;
 use super::pretraining::CanonicalBody;
 use super::step::{Drawn, add_time};
-use super::{Event, Observer, Stage, StepRecord};
+use super::{Event, Observer, Stage, StepRecord, preview};
 use crate::atomic_file::write_atomically;
 use crate::avatar::{Avatar, Subject};
 use crate::body::{BodyModel, PartLabels};
 use crate::canonical_grid::CanonicalGrid;
 use crate::config::{Config, SkinningSettings};
 use crate::correspondence::{bake, start_groups, union_start_groups};
-use crate::data::FrameSource;
 use crate::fields::{Fields, Skinning};
-use crate::render::{Camera, FRONT, Tile, View, contact_sheet, render_mesh, write_png};
+use crate::render::write_png;
 use crate::{Error, Result};
 
 const CONFIG: &str = "config.toml";
@@ -38,8 +37,6 @@ const LOSS_MEMORY: f64 = 0.98;
 /// Largest share of a time limit that stage 0 may take.
 const PRETRAINING_SHARE: f64 = 0.15;
 const PREVIEW_RESOLUTION: usize = 128;
-const PREVIEW_WIDTH: u32 = 480;
-const PREVIEW_HEIGHT: u32 = 640;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,15 +77,17 @@ impl<'a> Trainer<'a> {
     /// Starts a run in a new or empty folder.
     ///
     /// # Errors
-    /// If the folder holds anything, a frame is bad (unless the configuration skips those), or the configuration is refused.
+    /// If the folder holds anything, a frame is bad (unless the configuration skips those), or the configuration is refused or for
+    /// frames of another kind.
     pub fn start(
         config: &'a Config,
-        frames: &dyn FrameSource,
+        frames: TrainingFrames,
         body: &'a BodyModel,
         labels: &'a PartLabels,
         run: &Path,
         observer: &mut dyn Observer,
     ) -> Result<Self> {
+        frames.check(config)?;
         fs::create_dir_all(run).map_err(Error::io(run))?;
         if fs::read_dir(run).map_err(Error::io(run))?.next().is_some() {
             return Err(Error::Value {
@@ -122,25 +121,26 @@ impl<'a> Trainer<'a> {
     /// If a checkpoint cannot be read; delete it to continue from the one before.
     pub fn resume(
         config: &'a Config,
-        frames: &dyn FrameSource,
+        frames: TrainingFrames,
         body: &'a BodyModel,
         labels: &'a PartLabels,
         run: &Path,
         observer: &mut dyn Observer,
     ) -> Result<Self> {
+        frames.check(config)?;
         Self::open(config, frames, body, labels, run, observer)
     }
 
     fn open(
         config: &'a Config,
-        frames: &dyn FrameSource,
+        frames: TrainingFrames,
         body: &'a BodyModel,
         labels: &'a PartLabels,
         run: &Path,
         observer: &mut dyn Observer,
     ) -> Result<Self> {
         let started = Instant::now();
-        let canonical = CanonicalBody::new(body, labels, &frames.betas(), config)?;
+        let mut canonical = CanonicalBody::new(body, labels, &frames.betas(), config)?;
         let groups = match config.fields.skinning {
             SkinningSettings::Network(_) => start_groups(config.starts)?,
             // Pruned starts cost little: a point beside a hand finds the hand's root, and the body's.
@@ -178,6 +178,7 @@ impl<'a> Trainer<'a> {
             baked = bake(&skinning, config.searched_field, bounds)?;
         }
         let store = FrameStore::open(config, frames, body, labels, run, observer)?;
+        canonical.stand_in(store.seen_vertices());
         let subject = Subject {
             gender: frames.gender(),
             betas: frames.betas(),
@@ -377,29 +378,18 @@ impl<'a> Trainer<'a> {
         Ok(())
     }
 
-    /// The first frame's scan beside the avatar in the same pose.
+    /// The first frame beside the avatar in the same pose.
     fn preview(&self, observer: &mut dyn Observer) -> Result<()> {
         let frame = self.frames.read(0)?;
-        let extracted = match self.avatar().extract_posed(self.body, self.labels, &frame.parameters, PREVIEW_RESOLUTION)
-        {
-            Err(Error::NoSurface { .. }) => return Ok(()),
-            extracted => extracted?,
-        };
+        let extracted =
+            match self.avatar().extract_posed(self.body, self.labels, frame.parameters(), PREVIEW_RESOLUTION) {
+                Err(Error::NoSurface { .. }) => return Ok(()),
+                extracted => extracted?,
+            };
         let folder = self.run.join(PREVIEWS);
         fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
-        let corner =
-            |fold: fn(Vec3, Vec3) -> Vec3| frame.scan.vertices.iter().copied().reduce(fold).unwrap_or_default();
-        let (low, high) = (corner(Vec3::min), corner(Vec3::max));
-        let camera = Camera::framing(low, high, FRONT, PREVIEW_WIDTH, PREVIEW_HEIGHT)?;
-        let tiles = |view: View| -> Result<Vec<Tile>> {
-            Ok(vec![
-                Tile::new(render_mesh(&frame.scan, &camera, view)?, "scan"),
-                Tile::new(render_mesh(&extracted.mesh, &camera, view)?, "avatar"),
-            ])
-        };
-        let row = [tiles(View::Colour)?, tiles(View::Normals)?].concat();
         let path = folder.join(format!("step-{:08}.png", self.state.progress.steps));
-        write_png(&path, &contact_sheet(&[row])?)?;
+        write_png(&path, &preview::sheet(&frame, &extracted.mesh)?)?;
         observer.event(Event::Preview { path: &path });
         Ok(())
     }

@@ -1,0 +1,55 @@
+#!/usr/bin/env bash
+# Exports the built-in subject as a dancing GLB and has the Khronos glTF validator look at it: no errors; skin, morphs and clip
+# are there. Skipped where there is no npm or it cannot fetch the validator.
+#   scripts/validate-glb.sh [AVATAR BODY]    an avatar and its body model instead of a smoke demo's
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+for program in npm node; do
+    if ! command -v "$program" > /dev/null; then
+        echo "skipped: the glTF validator needs $program"
+        exit 0
+    fi
+done
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+if ! npm install --silent --no-audit --no-fund --prefix "$folder" gltf-validator@2.0.0-dev.3.10; then
+    echo "skipped: npm cannot fetch gltf-validator"
+    exit 0
+fi
+
+if [ $# -eq 2 ]; then
+    avatar=$1 body=$2
+else
+    avatar=$folder/demo body=$folder/data/body
+    cargo run --release --quiet -- demo --smoke --out "$avatar"
+    cargo run --release --quiet -- demo --smoke --write-data "$folder/data"
+fi
+
+cat > "$folder/validate.js" << 'SCRIPT'
+const validator = require('gltf-validator');
+const fs = require('fs');
+validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[2])), { maxIssues: 20 }).then(report => {
+    const { numErrors, numWarnings, messages } = report.issues;
+    const { info } = report;
+    const absent = [];
+    if (info.animationCount < 1) absent.push('an animation');
+    if (!info.hasSkins) absent.push('a skin');
+    if (!info.hasMorphTargets) absent.push('morph targets');
+    const size = `${info.totalVertexCount} vertices, ${info.totalTriangleCount} triangles, ${info.maxInfluences} influences`;
+    console.log(`${process.argv[2].split('/').pop()}: ${numErrors} errors, ${numWarnings} warnings; ${size}`);
+    for (const message of messages) console.log(`  ${message.code} ${message.pointer}: ${message.message}`);
+    if (absent.length) console.log(`  without ${absent.join(', ')}`);
+    process.exitCode = numErrors || absent.length ? 1 : 0;
+});
+SCRIPT
+
+validate() {
+    local file=$folder/$1.glb
+    shift
+    cargo run --release --quiet -- export "$avatar" --out "$file" --quiet --resolution 96 "$@"
+    node "$folder/validate.js" "$file"
+}
+validate dancing --body "$body"
+validate textured --body "$body" --texture 512 --influences 8
+validate alone

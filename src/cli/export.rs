@@ -1,0 +1,244 @@
+//! `xavatar export`: an avatar as one file for other programs: rigged and moving, or a textured mesh.
+
+use std::fmt::{self, Display, Formatter};
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use clap::ValueEnum;
+use serde::Serialize;
+use xavatar::avatar::{Avatar, Extraction};
+use xavatar::body::BodyModel;
+use xavatar::data::Clip;
+use xavatar::export::{RigReport, Rigging, TextureReport, bake_texture, write_glb};
+use xavatar::mesh::{TriangleMesh, write_obj, write_ply};
+
+use super::json::JsonArgument;
+use super::motion::MotionArguments;
+use super::progress::Progress;
+use super::{Outcome, outputs};
+
+/// Largest image that every program of today opens.
+const LARGEST_TEXTURE: u32 = 8192;
+/// Of OBJ files, which have no vertex colours that all programs know.
+const USUAL_TEXTURE: u32 = 2048;
+
+/// Write an avatar for other programs: rigged and animated (GLB), or as a textured mesh (OBJ, PLY)
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    xavatar export runs/00016 --body models/smplx --out dancer.glb\n  \
+    xavatar export runs/00016 --body models/smplx --motion walk.npz --texture 2048 --out walker.glb\n  \
+    xavatar export runs/00016 --format obj --out avatar.obj\n\n\
+    docs/export.md says what the files carry and how to open them.")]
+pub struct Export {
+    /// An avatar.safetensors or a run's folder
+    #[arg(value_name = "AVATAR")]
+    avatar: PathBuf,
+    /// What is written [default: by the name of the file]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+    /// The file; an OBJ gets an MTL and a PNG of the same name beside it, a textured PLY a PNG
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// GLB: the motion that becomes the animation clip [default: a built-in dance]
+    #[arg(long, value_name = "MOTION")]
+    motion: Option<PathBuf>,
+    /// GLB: SMPL-X model file or folder, for its pose correctives and expressions; without, only what the avatar has learned
+    #[arg(long, value_name = "BODY")]
+    body: Option<PathBuf>,
+    /// Cells along the longest side of the box around the body
+    #[arg(long, value_name = "R", default_value_t = 256, value_parser = super::extract::resolution)]
+    resolution: usize,
+    /// Bake the colours into a texture of this size, instead of one a vertex [default for OBJ: 2048]
+    #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(64..=LARGEST_TEXTURE as i64))]
+    texture: Option<u32>,
+    /// GLB: joints that hold a vertex: 4, which every program reads, or 8
+    #[arg(long, value_name = "K", default_value_t = 4, value_parser = influences)]
+    influences: usize,
+    /// GLB: most morph targets for what skinning leaves of the motion; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    correctives: usize,
+    #[command(flatten)]
+    json: JsonArgument,
+    #[command(flatten)]
+    options: MotionArguments,
+}
+
+/// How an avatar is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Format {
+    Glb,
+    Obj,
+    Ply,
+}
+
+impl Export {
+    pub fn run(self) -> anyhow::Result<Outcome> {
+        let format = match self.format {
+            Some(format) => format,
+            None => Format::of(&self.out)?,
+        };
+        if format != Format::Glb && (self.motion.is_some() || self.body.is_some()) {
+            bail!("--motion and --body are for GLB; `xavatar animate` writes a motion as one OBJ or PLY a frame");
+        }
+        let texture = self.texture.or((format == Format::Obj).then_some(USUAL_TEXTURE));
+        for file in format.files(&self.out, texture.is_some()) {
+            outputs::new_file(&file)?;
+        }
+        self.json.check()?;
+        let avatar = Avatar::load(&self.avatar)?;
+        let mut progress = Progress::new();
+        match format {
+            Format::Glb => self.write_rig(&avatar, texture, &mut progress)?,
+            Format::Obj | Format::Ply => self.write_mesh(&avatar, format, texture, &mut progress)?,
+        }
+        Ok(Outcome::Done)
+    }
+
+    fn write_rig(&self, avatar: &Avatar, texture: Option<u32>, progress: &mut Progress) -> anyhow::Result<()> {
+        let body = match &self.body {
+            Some(path) => Some(BodyModel::load(path, avatar.subject.gender)?),
+            None => None,
+        };
+        let motion = self.motion.as_deref().unwrap_or(Path::new(Clip::DANCE));
+        let clip = self.options.load(motion, avatar)?;
+        let rigging =
+            Rigging { resolution: self.resolution, influences: self.influences, correctives: self.correctives };
+        progress.show("rig", 0.0, "the canonical surface");
+        let (mut rigged, report) =
+            rigging.rig(avatar, body.as_ref(), &clip.frames, clip.frames_per_second, |done, total| {
+                progress.show("rig", done as f64 / total as f64, &format!("{done} of {total} frames"));
+            })?;
+        rigged.animation.name = motion.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let baked = match texture {
+            Some(size) => {
+                let (textured, report) = rigged.with_texture(avatar, size, baking(progress))?;
+                rigged = textured;
+                Some(report)
+            }
+            None => None,
+        };
+        write_glb(&self.out, &rigged)?;
+        progress.finish();
+        say_dropped(report.dropped_components);
+        let mut exported = Exported::new(&self.out, &rigged.mesh);
+        exported.rig = Some(report);
+        exported.texture = baked;
+        exported.clip = Some(ClipSize {
+            frames: rigged.animation.frames(),
+            frames_per_second: rigged.animation.frames_per_second,
+            joints: rigged.joints.len(),
+            influences: rigged.influences,
+            morphs: rigged.morphs.len(),
+        });
+        self.json.print(&exported, &exported)
+    }
+
+    fn write_mesh(
+        &self,
+        avatar: &Avatar,
+        format: Format,
+        texture: Option<u32>,
+        progress: &mut Progress,
+    ) -> anyhow::Result<()> {
+        progress.show("mesh", 0.0, "the canonical surface");
+        let Extraction { mut mesh, dropped_components } = avatar.extract_unconditioned(self.resolution)?;
+        let baked = match texture {
+            Some(size) => {
+                let baked = bake_texture(avatar, &mesh, size, baking(progress))?;
+                mesh = baked.mesh;
+                Some(baked.report)
+            }
+            None => None,
+        };
+        match format {
+            Format::Obj => write_obj(&self.out, &mesh)?,
+            Format::Ply | Format::Glb => write_ply(&self.out, &mesh)?,
+        }
+        progress.finish();
+        say_dropped(dropped_components);
+        let exported = Exported { texture: baked, ..Exported::new(&self.out, &mesh) };
+        self.json.print(&exported, &exported)
+    }
+}
+
+impl Format {
+    /// By the file's extension.
+    fn of(path: &Path) -> anyhow::Result<Self> {
+        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+        match Self::from_str(extension, true) {
+            Ok(format) => Ok(format),
+            Err(_) => bail!("{}: name it .glb, .obj or .ply, or give --format", path.display()),
+        }
+    }
+
+    /// All that is written.
+    fn files(self, out: &Path, is_textured: bool) -> Vec<PathBuf> {
+        let mut files = vec![out.to_path_buf()];
+        if is_textured && self != Self::Glb {
+            files.push(out.with_extension("png"));
+        }
+        if is_textured && self == Self::Obj {
+            files.push(out.with_extension("mtl"));
+        }
+        files
+    }
+}
+
+/// What was written.
+#[derive(Serialize)]
+struct Exported {
+    file: PathBuf,
+    vertices: usize,
+    faces: usize,
+    clip: Option<ClipSize>,
+    rig: Option<RigReport>,
+    texture: Option<TextureReport>,
+}
+
+#[derive(Serialize)]
+struct ClipSize {
+    frames: usize,
+    frames_per_second: f32,
+    joints: usize,
+    influences: usize,
+    morphs: usize,
+}
+
+impl Exported {
+    fn new(file: &Path, mesh: &TriangleMesh) -> Self {
+        let (vertices, faces) = (mesh.vertices.len(), mesh.faces.len());
+        Self { file: file.to_path_buf(), vertices, faces, clip: None, rig: None, texture: None }
+    }
+}
+
+impl Display for Exported {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(formatter, "{}: {} vertices, {} faces", self.file.display(), self.vertices, self.faces)?;
+        if let Some(ClipSize { frames, frames_per_second, joints, influences, morphs }) = &self.clip {
+            writeln!(formatter, "{joints} joints, {influences} influences a vertex, {morphs} morphs")?;
+            writeln!(formatter, "{frames} frames at {frames_per_second} a second")?;
+        }
+        if let Some(rig) = &self.rig {
+            writeln!(formatter, "{rig}")?;
+        }
+        if let Some(texture) = &self.texture {
+            writeln!(formatter, "{texture}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Shows how far a texture is.
+fn baking(progress: &mut Progress) -> impl FnMut(usize, usize) {
+    |done, total| progress.show("texture", done as f64 / total as f64, &format!("{done} of {total} texels"))
+}
+
+fn say_dropped(components: usize) {
+    if components > 0 {
+        log::info!("kept the largest part; {components} smaller ones left out");
+    }
+}
+
+fn influences(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|count| [4, 8].contains(count)).ok_or_else(|| "expected 4 or 8".into())
+}

@@ -1,0 +1,23 @@
+//! What the frames of an RGB-D camera are drawn from, beside what they share with scans (METHOD section 5).
+
+use serde::{Deserialize, Serialize};
+
+/// Points drawn from each RGB-D frame; presets for scans have none of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RgbdSettings {
+    /// Share of P around eyes and mouth, a part of `sampling.face_share` (thesis: 1/5).
+    pub eyes_mouth_share: f64,
+    /// Whether each surface point has a twin off the surface, with the distance to the nearest observed point as its target.
+    ///
+    /// Not in the thesis, where the Eikonal term alone says what is off the surface.
+    pub off_surface: bool,
+    /// How far behind the observed surface of a hand its distance is believed, metres: fingers are thin.
+    pub hand_depth: f32,
+    /// Points drawn along the camera's rays, in the air before what it sees; `losses.free_space` weighs them.
+    pub free_points: usize,
+    /// Points around the registered body where no frame has seen it.
+    ///
+    /// Not in the thesis: without them, what stage 0 left there drifts.
+    pub unseen_points: usize,
+}

@@ -1,0 +1,23 @@
+//! Avatars for other programs: one rigged mesh with plain arrays, and the files it is written to.
+//!
+//! [`RiggedMesh`] is what every format and viewer takes; its documentation says how to pose it. [`Rigging`] makes it of an
+//! avatar and a motion, and reports what a rig of few influences a vertex loses against
+//! [`FixedTopology`](crate::avatar::FixedTopology).
+
+mod bake;
+mod correctives;
+mod expressions;
+mod glb;
+mod influences;
+mod reference;
+mod report;
+mod rig;
+mod rigging;
+mod skeleton;
+mod unwrap;
+
+pub use bake::{Baked, TextureReport, bake_texture};
+pub use glb::write_glb;
+pub use report::{Deviation, RigReport};
+pub use rig::{Animation, Joint, Morph, RiggedMesh};
+pub use rigging::Rigging;

@@ -1,0 +1,168 @@
+//! What a rig stands for, frame by frame and without its limits: every skinning weight, every offset.
+//!
+//! With a body model that of [`FixedTopology`]: x = sum_j w_j B_j (x_c + o) + translation. Where the warp carries no
+//! expressions, o has those of the geometry field. Without a body model B_j is the skeleton's. V vertices, J joints; metres.
+
+use glam::{Affine3A, Quat, Vec3, Vec3A};
+use rayon::prelude::*;
+use xavatar_network::SkinningTrace;
+
+use super::expressions::{EXPRESSIONS, displacements};
+use super::influences::Influences;
+use super::rig::{Joint, blend, skinning_transforms};
+use super::skeleton::{joint_poses, rotations, skeleton};
+use crate::avatar::{Avatar, FixedTopology};
+use crate::body::{BodyModel, BodyParameters, JOINTS};
+use crate::mesh::TriangleMesh;
+use crate::{Error, Result};
+
+/// Rows a thread evaluates at a time.
+const BLOCK_ROWS: usize = 256;
+/// A body model whose joints are this far from the avatar's is another one, metres.
+const SAME_JOINT: f32 = 1e-3;
+
+/// An avatar's canonical surface and its exact motion.
+pub(super) struct Reference<'a> {
+    /// With normals and colours.
+    pub(super) mesh: TriangleMesh,
+    pub(super) joints: Vec<Joint>,
+    /// Skinning weights (V, J).
+    pub(super) weights: Vec<f32>,
+    /// Components of the canonical surface that were left out.
+    pub(super) dropped_components: usize,
+    all: Influences,
+    betas: [f32; 10],
+    body: Option<(&'a BodyModel, FixedTopology<'a>)>,
+    /// The field's displacements by unit expressions (10, V); empty where the warp carries expressions.
+    expressions: Vec<Vec<Vec3>>,
+}
+
+/// One frame of the exact motion.
+pub(super) struct Frame {
+    /// Canonical vertices with the frame's offsets (V).
+    pub(super) points: Vec<Vec3>,
+    /// The exact vertices in the world (V).
+    pub(super) posed: Vec<Vec3>,
+    /// Local rotations of the joints (J).
+    pub(super) rotations: [Quat; JOINTS],
+    /// Where the root is.
+    pub(super) root: Vec3,
+    pub(super) expression: [f32; EXPRESSIONS],
+}
+
+impl<'a> Reference<'a> {
+    pub(super) fn new(avatar: &Avatar, body: Option<&'a BodyModel>, resolution: usize) -> Result<Self> {
+        let betas = avatar.subject.betas;
+        if let Some(body) = body {
+            require_own_body(avatar, body)?;
+        }
+        let body = match body {
+            Some(body) => Some((body, FixedTopology::new(avatar, body, resolution)?)),
+            None => None,
+        };
+        let (mesh, weights, dropped_components) = match &body {
+            Some((_, fixed)) => (fixed.canonical().clone(), fixed.weights().to_vec(), fixed.dropped_components()),
+            None => {
+                let extraction = avatar.extract_unconditioned(resolution)?;
+                let weights = skinning_weights(avatar, &extraction.mesh.vertices);
+                (extraction.mesh, weights, extraction.dropped_components)
+            }
+        };
+        let warp_has_expressions = body.is_some() && avatar.fields.skinning.voxels().is_some();
+        let expressions = match warp_has_expressions {
+            true => Vec::new(),
+            false => displacements(avatar, &mesh.vertices),
+        };
+        let most = Influences::most(&weights, JOINTS);
+        Ok(Self {
+            joints: skeleton(&avatar.subject.joints)?,
+            all: Influences::strongest(&weights, JOINTS, most.max(1)),
+            mesh,
+            weights,
+            dropped_components,
+            betas,
+            body,
+            expressions,
+        })
+    }
+
+    /// The most joints that hold a vertex.
+    pub(super) fn most_influences(&self) -> usize {
+        self.all.count
+    }
+
+    /// The exact motion at these parameters, in the avatar's own shape.
+    pub(super) fn frame(&self, parameters: &BodyParameters) -> Result<Frame> {
+        let parameters = BodyParameters { betas: self.betas, ..parameters.clone() };
+        let rotations = rotations(&joint_poses(self.body.as_ref().map(|(body, _)| *body), &parameters)?);
+        let root = self.joints[0].translation + parameters.transl;
+        let mut points = match &self.body {
+            Some((_, fixed)) => fixed.displaced(&parameters)?.into_iter().map(Vec3::from_array).collect(),
+            None => self.mesh.vertices.clone(),
+        };
+        for (offsets, amount) in self.expressions.iter().zip(parameters.expression).filter(|(_, amount)| *amount != 0.0)
+        {
+            points.iter_mut().zip(offsets).for_each(|(point, offset)| *point += *offset * amount);
+        }
+        let transforms = match &self.body {
+            Some((body, _)) => {
+                let mut transforms = body.canonical_to_posed(&parameters)?;
+                transforms.iter_mut().for_each(|transform| transform.translation += Vec3A::from(parameters.transl));
+                transforms
+            }
+            None => skinning_transforms(&self.joints, &rotations, root),
+        };
+        let posed = skin(&self.all, &transforms, &points);
+        Ok(Frame { points, posed, rotations, root, expression: parameters.expression })
+    }
+
+    /// What a unit of each expression coefficient does in the canonical pose (10, V): offsets of the surface, and joints that
+    /// an expression moves.
+    pub(super) fn expressions(&self) -> Result<Vec<Vec<Vec3>>> {
+        let mut parameters = BodyModel::canonical_parameters(&self.betas);
+        let resting = self.frame(&parameters)?.posed;
+        let mut unit = |coefficient: usize| {
+            parameters.expression = [0.0; EXPRESSIONS];
+            parameters.expression[coefficient] = 1.0;
+            let moved = self.frame(&parameters)?.posed;
+            Ok(moved.iter().zip(&resting).map(|(to, from)| *to - *from).collect())
+        };
+        (0..EXPRESSIONS).map(&mut unit).collect()
+    }
+}
+
+/// Linear blend skinning of points (V).
+pub(super) fn skin(influences: &Influences, transforms: &[Affine3A], points: &[Vec3]) -> Vec<Vec3> {
+    let skinned = |vertex: usize| {
+        let (joints, weights) = influences.row(vertex);
+        blend(transforms, joints, weights).transform_point3(points[vertex])
+    };
+    (0..points.len()).into_par_iter().with_min_len(512).map(skinned).collect()
+}
+
+fn skinning_weights(avatar: &Avatar, vertices: &[Vec3]) -> Vec<f32> {
+    let points: Vec<[f32; 3]> = vertices.iter().map(Vec3::to_array).collect();
+    let mut weights = vec![0.0; points.len() * JOINTS];
+    weights
+        .par_chunks_mut(BLOCK_ROWS * JOINTS)
+        .zip(points.par_chunks(BLOCK_ROWS))
+        .for_each_init(SkinningTrace::default, |trace, (weights, points)| {
+            avatar.fields.skinning.weights(trace, points, weights)
+        });
+    weights
+}
+
+fn require_own_body(avatar: &Avatar, body: &BodyModel) -> Result<()> {
+    let joints = body.canonical_joints(&avatar.subject.betas)?;
+    let distances = joints.iter().zip(&avatar.subject.joints).map(|(body, avatar)| body.distance(*avatar));
+    let farthest = distances.fold(0.0, f32::max);
+    if farthest < SAME_JOINT {
+        return Ok(());
+    }
+    Err(Error::Mismatch {
+        path: body.path().into(),
+        found: format!("a body model whose joints are up to {:.1} mm from the avatar's", 1000.0 * farthest),
+        expected: "the model that the avatar was trained with".into(),
+        remedy: format!("pass that model, of gender {}, or none", avatar.subject.gender),
+    })
+}

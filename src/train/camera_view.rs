@@ -1,0 +1,374 @@
+//! What an RGB-D camera saw of one frame, made ready to draw from: points of the surface, and how far each ray was free.
+//!
+//! Around the observed points the signed distance is known to both sides: before a point along its normal it is positive, close
+//! behind it negative. Where the camera looks through, all is outside. What is farther behind, or beside what was seen, is
+//! unknown, and nothing is said about it. V vertices of the registered body; the body's frame, metres.
+
+use glam::Vec3;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
+
+use super::captured::RgbdCapture;
+use super::prepared::{BYTES_A_FACE, RegisteredBody, Surface, faces_of_part};
+use crate::body::{Part, PartLabels, Registration};
+use crate::camera::PinholeCamera;
+use crate::config::{Config, HandSupervision, RgbdSettings, SamplingSettings, SamplingStrategy};
+use crate::data::RgbdFrame;
+use crate::mesh::SurfaceSampler;
+use crate::{Error, Result};
+
+/// Points that a part needs to count as seen.
+const FEWEST_POINTS: usize = 40;
+/// How far a point's nearest observed one may lie aside for the distance to its plane to be that to the surface, metres:
+/// beyond, the point is past the rim of what was seen. Pixels are 2 to 3 mm apart at 6 m.
+const ASIDE: f32 = 0.006;
+/// A point this much nearer than what the camera sees around it is in the air, metres.
+const CLEARANCE: f32 = 0.004;
+/// So near before an observed point nothing else fits between it and the camera, metres.
+const CONTACT: f32 = 0.006;
+/// A registered vertex is seen if the camera sees a surface no farther before it than clothes reach, or behind, metres.
+const CLOTHING: f32 = 0.08;
+const FIT: f32 = 0.03;
+/// Cosine of the angle between ray and normal below which a vertex is seen too flatly.
+const FLATTEST: f32 = 0.2;
+/// What an observed point takes with its tree, bytes.
+const BYTES_A_POINT: usize = 64;
+
+/// Observed points, and which is nearest.
+pub(super) struct ObservedPoints {
+    pub points: Vec<Vec3>,
+    pub normals: Vec<Vec3>,
+    /// In [0, 1].
+    pub colours: Vec<Vec3>,
+    pub parts: Vec<Part>,
+    tree: ImmutableKdTree<f32, 3>,
+}
+
+impl ObservedPoints {
+    fn new(points: Vec<Vec3>, normals: Vec<Vec3>, colours: Vec<Vec3>, parts: Vec<Part>) -> Result<Self> {
+        let rows: Vec<[f32; 3]> = points.iter().map(Vec3::to_array).collect();
+        let tree = ImmutableKdTree::new_from_slice(&rows).map_err(|failure| Error::Value {
+            name: "observed points".into(),
+            found: format!("{} ({failure})", points.len()),
+            expected: "at most 2^32".into(),
+        })?;
+        Ok(Self { points, normals, colours, parts, tree })
+    }
+
+    /// The points of one part.
+    fn of_part(&self, part: Part) -> Result<Self> {
+        let wanted: Vec<usize> = (0..self.points.len()).filter(|index| self.parts[*index] == part).collect();
+        let of = |values: &[Vec3]| wanted.iter().map(|index| values[*index]).collect();
+        Self::new(of(&self.points), of(&self.normals), of(&self.colours), vec![part; wanted.len()])
+    }
+
+    /// The place in the list of the point nearest to `point`, which has to be finite.
+    pub fn nearest(&self, point: Vec3) -> usize {
+        self.tree.query(&point.to_array()).nearest_one::<SquaredEuclidean<f32>>().execute().item as usize
+    }
+}
+
+/// Where a region's points are drawn.
+pub(super) enum Drawn {
+    /// Observed points, by their places.
+    Observed(Vec<u32>),
+    /// The registered body's surface, with the colour of the nearest of these points.
+    Registered(SurfaceSampler, ObservedPoints),
+}
+
+/// A part of the surface and its share of P.
+pub(super) struct Region {
+    pub part: Part,
+    pub share: f64,
+    pub drawn: Drawn,
+}
+
+/// What is known about a point of space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Knowledge {
+    /// Its signed distance to the surface.
+    Distance(f32),
+    /// It is outside, and the surface no farther than this.
+    Outside(f32),
+    Nothing,
+}
+
+/// One picture of an RGB-D camera.
+pub(super) struct CameraView<'a> {
+    pub observed: ObservedPoints,
+    pub body: Surface,
+    pub regions: Vec<Region>,
+    registration: Registration<'a>,
+    /// Posed in the body's frame.
+    pub camera: PinholeCamera,
+    frame: RgbdFrame,
+    settings: RgbdSettings,
+    truncation: f32,
+    /// The body's vertices (V) whose surface, or what covers it, the camera sees.
+    seen: Vec<bool>,
+}
+
+impl<'a> CameraView<'a> {
+    pub fn new(capture: RgbdCapture, body: RegisteredBody<'a>, config: &Config) -> Result<Self> {
+        let RgbdCapture { frame, cloud } = capture;
+        let RegisteredBody { mesh, labels, registration } = body;
+        let Some(settings) = config.rgbd.clone() else {
+            return Err(Error::Value {
+                name: "preset".into(),
+                found: format!("`{}`, which is for scans", config.preset),
+                expected: "one for RGB-D frames".into(),
+            });
+        };
+        let transl = frame.parameters.transl;
+        let points: Vec<Vec3> = cloud.points.iter().map(|point| *point - transl).collect();
+        let nearest: Vec<usize> = points.par_iter().map(|point| registration.nearest_vertex(*point)).collect();
+        let colours = cloud.colours.iter().map(|colour| Vec3::from(colour.map(f32::from)) / 255.0).collect();
+        let parts = nearest.iter().map(|vertex| labels.parts[*vertex]).collect();
+        let observed = ObservedPoints::new(points, cloud.normals, colours, parts)?;
+        let camera = frame.camera;
+        let camera = PinholeCamera { translation: camera.translation + camera.rotation * transl, ..camera };
+        let mut view = Self {
+            regions: regions(&observed, &nearest, &mesh, labels, &config.sampling, &settings)?,
+            seen: vec![false; mesh.vertices.len()],
+            body: Surface::new(mesh)?,
+            truncation: config.losses.truncation as f32,
+            observed,
+            registration,
+            camera,
+            frame,
+            settings,
+        };
+        let seen: Vec<bool> = (0..view.seen.len()).into_par_iter().map(|vertex| view.shows_vertex(vertex)).collect();
+        view.seen = seen;
+        nearest.iter().for_each(|vertex| view.seen[*vertex] = true);
+        Ok(view)
+    }
+
+    /// What it takes in memory, about, bytes.
+    pub fn size(&self) -> usize {
+        let pixels = self.frame.depth.len() * (size_of::<f32>() + 3);
+        pixels + BYTES_A_POINT * self.observed.points.len() + BYTES_A_FACE * self.body.mesh.faces.len()
+    }
+
+    /// Adds the vertices (V) that are seen to `seen`.
+    pub fn add_seen_vertices(&self, seen: &mut [bool]) {
+        seen.iter_mut().zip(&self.seen).for_each(|(all, own)| *all |= own);
+    }
+
+    /// The part that a point belongs to.
+    pub fn part(&self, point: Vec3) -> Part {
+        self.registration.nearest(point).0
+    }
+
+    /// What the picture says about a point.
+    pub fn knowledge(&self, point: Vec3) -> Knowledge {
+        let nearest = self.observed.nearest(point);
+        let offset = point - self.observed.points[nearest];
+        let height = offset.dot(self.observed.normals[nearest]);
+        let is_above = (offset.length_squared() - height * height).max(0.0).sqrt() < ASIDE;
+        let is_thin = matches!(self.observed.parts[nearest], Part::LeftHand | Part::RightHand);
+        let depth = if is_thin { self.settings.hand_depth } else { self.truncation };
+        if is_above && (-depth.min(CONTACT)..CONTACT).contains(&height) {
+            Knowledge::Distance(height)
+        } else if self.is_air(point) {
+            if is_above && height > 0.0 { Knowledge::Distance(height) } else { Knowledge::Outside(offset.length()) }
+        } else if is_above && (-depth..0.0).contains(&height) {
+            Knowledge::Distance(height)
+        } else {
+            Knowledge::Nothing
+        }
+    }
+
+    /// Whether the camera looks through a point, and past it on all sides.
+    fn is_air(&self, point: Vec3) -> bool {
+        let (place, depth) = self.camera.project(point);
+        let PinholeCamera { width, height, .. } = self.camera;
+        let (column, row) = (place.x.floor(), place.y.floor());
+        let inside = column >= 1.0 && row >= 1.0 && column + 1.0 < width as f32 && row + 1.0 < height as f32;
+        let is_past = |column: u32, row: u32| {
+            let free = self.frame.free_until((row * width + column) as usize);
+            free.is_some_and(|free| depth + CLEARANCE < free)
+        };
+        depth > 0.0
+            && inside
+            && (row as u32 - 1..=row as u32 + 1)
+                .all(|row| (column as u32 - 1..=column as u32 + 1).all(|column| is_past(column, row)))
+    }
+
+    /// The depth of the subject at a pixel (column, row) that shows it, metres.
+    pub fn surface_depth(&self, [column, row]: [u32; 2]) -> Option<f32> {
+        self.frame.surface_depth((row * self.camera.width + column) as usize)
+    }
+
+    fn shows_vertex(&self, vertex: usize) -> bool {
+        let position = self.body.mesh.vertices[vertex];
+        let normal = self.body.mesh.normals.as_ref().map_or(Vec3::ZERO, |normals| normals[vertex]);
+        let (place, depth) = self.camera.project(position);
+        let PinholeCamera { width, height, .. } = self.camera;
+        let (inside_row, inside_column) =
+            ((0.0..height as f32).contains(&place.y), (0.0..width as f32).contains(&place.x));
+        depth > 0.0
+            && inside_row
+            && inside_column
+            && (self.camera.position() - position).normalize_or_zero().dot(normal) > FLATTEST
+            && self
+                .surface_depth([place.x as u32, place.y as u32])
+                .is_some_and(|seen| (-CLOTHING..FIT).contains(&(seen - depth)))
+    }
+}
+
+/// The parts' shares of P (METHOD section 5). What the camera does not see contributes nothing.
+fn regions(
+    observed: &ObservedPoints,
+    nearest: &[usize],
+    body: &crate::mesh::TriangleMesh,
+    labels: &PartLabels,
+    sampling: &SamplingSettings,
+    settings: &RgbdSettings,
+) -> Result<Vec<Region>> {
+    let places = |wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
+        (0..nearest.len()).filter(|place| wanted(*place)).map(|place| place as u32).collect()
+    };
+    let SamplingSettings { body_share, face_share, hand_share, .. } = *sampling;
+    if sampling.strategy == SamplingStrategy::Uniform {
+        let share = body_share + face_share + 2.0 * hand_share;
+        return Ok(vec![Region { part: Part::Body, share, drawn: Drawn::Observed(places(&|_| true)) }]);
+    }
+    let of_part = |part: Part| places(&|place| observed.parts[place] == part);
+    let eyes_mouth = places(&|place| labels.eyes_mouth[nearest[place]]);
+    let mut regions = vec![
+        Region { part: Part::Body, share: body_share, drawn: Drawn::Observed(of_part(Part::Body)) },
+        Region {
+            part: Part::Face,
+            share: face_share - settings.eyes_mouth_share,
+            drawn: Drawn::Observed(of_part(Part::Face)),
+        },
+        Region { part: Part::Face, share: settings.eyes_mouth_share, drawn: Drawn::Observed(eyes_mouth) },
+    ];
+    for part in [Part::LeftHand, Part::RightHand] {
+        let drawn = Drawn::Observed(of_part(part));
+        regions.push(Region { part, share: hand_share, drawn });
+    }
+    regions.retain(|region| matches!(&region.drawn, Drawn::Observed(places) if places.len() >= FEWEST_POINTS));
+    if sampling.hand_supervision == HandSupervision::Registration {
+        for region in &mut regions {
+            if matches!(region.part, Part::LeftHand | Part::RightHand) {
+                let sampler = SurfaceSampler::new(body, Some(&faces_of_part(body, labels, region.part)))?;
+                region.drawn = Drawn::Registered(sampler, observed.of_part(region.part)?);
+            }
+        }
+    }
+    Ok(regions)
+}
+
+#[cfg(test)]
+mod tests {
+    use image::RgbImage;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::body::{BodyParameters, PartLabelSource};
+    use crate::camera::pixel_centre;
+    use crate::data::{BACKGROUND, FrameId};
+    use crate::mesh::{ExtractionGrid, Sign, extract};
+
+    const RADIUS: f32 = 0.3;
+    const TRANSL: Vec3 = Vec3::new(0.4, 1.0, -0.2);
+
+    /// A sphere at the registration's translation, and its like as the body, seen from the front.
+    fn view(labels: &PartLabels, mesh: crate::mesh::TriangleMesh) -> CameraView<'_> {
+        let camera = PinholeCamera::looking_at(TRANSL + Vec3::Z * 3.0, TRANSL, 0.3, [500, 500]).unwrap();
+        let depth = (0..500 * 500).map(|pixel| {
+            let (ray, centre) = (camera.ray(pixel_centre(pixel % 500, pixel / 500)), camera.to_camera(TRANSL));
+            let (a, b) = (ray.length_squared(), ray.dot(centre));
+            let discriminant = b * b - a * (centre.length_squared() - RADIUS * RADIUS);
+            if discriminant < 0.0 { BACKGROUND } else { (b - discriminant.sqrt()) / a }
+        });
+        let frame = RgbdFrame {
+            id: FrameId { split: "train".into(), sequence: "Take1".into(), number: 1 },
+            camera,
+            colour: RgbImage::from_pixel(500, 500, image::Rgb([10, 20, 30])),
+            depth: depth.collect(),
+            mask: None,
+            parameters: BodyParameters { transl: TRANSL, ..BodyParameters::default() },
+        };
+        let registration = Registration::new(&mesh.vertices, labels).unwrap();
+        let body = RegisteredBody { mesh, labels, registration };
+        CameraView::new(RgbdCapture::of(frame).unwrap(), body, &Config::preset("fast-rgbd").unwrap()).unwrap()
+    }
+
+    fn sphere() -> crate::mesh::TriangleMesh {
+        let field = |points: &[Vec3], values: &mut [f32]| {
+            points.iter().zip(values).for_each(|(point, value)| *value = point.length() - RADIUS);
+        };
+        let (minimum, maximum) = (Vec3::splat(-0.4), Vec3::splat(0.4));
+        let grid = ExtractionGrid { minimum, maximum, resolution: 32, level: 0.0, inside_is: Sign::Negative };
+        let mut mesh = extract(&field, grid).unwrap().mesh;
+        mesh.normals = Some(mesh.vertex_normals());
+        mesh
+    }
+
+    fn labels(count: usize) -> PartLabels {
+        let source = PartLabelSource::SkinningWeights;
+        PartLabels { parts: vec![Part::Body; count], eyes_mouth: vec![false; count], source }
+    }
+
+    // Every distance is the sphere's, every bound holds, and both kinds of knowledge are had all over the visible side.
+    #[test]
+    fn what_is_known_of_a_sphere_is_true() {
+        let mesh = sphere();
+        let labels = labels(mesh.vertices.len());
+        let view = view(&labels, mesh);
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let (mut before, mut behind, mut bounded, mut unknown) = (0, 0, 0, 0);
+        for _ in 0..20_000 {
+            let direction = Vec3::from(std::array::from_fn(|_| random.random_range(-1.0..1.0))).normalize();
+            let distance = random.random_range(-0.1..0.15);
+            let point = direction * (RADIUS + distance);
+            match view.knowledge(point) {
+                Knowledge::Distance(found) => {
+                    assert!((found - distance).abs() < 0.002, "{point}: {found} not {distance}");
+                    *(if found > 0.0 { &mut before } else { &mut behind }) += 1;
+                }
+                Knowledge::Outside(bound) => {
+                    assert!(distance > 0.0 && bound > distance - 0.002, "{point}: {bound} not {distance}");
+                    bounded += 1;
+                }
+                Knowledge::Nothing => {
+                    // Flatly seen, a few millimetres before the surface are neither near it nor certainly air.
+                    let between = distance > CONTACT - 0.001 && distance < 3.0 * CONTACT;
+                    let hidden = direction.z < 0.3 || distance < -view.truncation + 0.001 || between;
+                    assert!(hidden, "{point}: nothing, but {distance}");
+                    unknown += 1;
+                }
+            }
+        }
+        assert!(
+            before > 2000 && behind > 500 && bounded > 500 && unknown > 2000,
+            "{before} {behind} {bounded} {unknown}"
+        );
+    }
+
+    #[test]
+    fn the_side_towards_the_camera_is_seen() {
+        let mesh = sphere();
+        let labels = labels(mesh.vertices.len());
+        let view = view(&labels, mesh);
+        let mut seen = vec![false; view.body.mesh.vertices.len()];
+        view.add_seen_vertices(&mut seen);
+        for (vertex, seen) in view.body.mesh.vertices.iter().zip(seen) {
+            if vertex.z.abs() > 0.35 * RADIUS {
+                assert_eq!(seen, vertex.z > 0.0, "{vertex}");
+            }
+        }
+    }
+
+    #[test]
+    fn parts_that_are_not_seen_have_no_region() {
+        let mesh = sphere();
+        let labels = labels(mesh.vertices.len());
+        let view = view(&labels, mesh);
+        assert_eq!(view.regions.iter().map(|region| region.part).collect::<Vec<_>>(), [Part::Body]);
+    }
+}
