@@ -14,7 +14,7 @@ use xavatar::mesh::{TriangleMesh, write_ply};
 use xavatar::render::write_png;
 use xavatar::train::{Ending, Trainer, TrainingFrames};
 
-use super::filmed::{Filmed, FilmedInDepth};
+use super::filmed::FilmedInDepth;
 use super::gallery::{Gallery, sheet_of_pictures};
 use super::json::JsonArgument;
 use super::progress::Progress;
@@ -52,8 +52,8 @@ struct Size {
     resolution: usize,
     /// Points per surface that are measured.
     samples: usize,
-    /// Columns and rows of one picture, pixels.
-    picture: (u32, u32),
+    /// Rows of one picture, pixels.
+    picture: u32,
     /// Columns and rows of what the RGB-D camera takes, pixels.
     filmed: [u32; 2],
     /// What differs from the preset.
@@ -65,7 +65,7 @@ const FULL: Size = Size {
     unseen_frames: 5,
     resolution: 224,
     samples: Evaluation::SAMPLES,
-    picture: (300, 500),
+    picture: 520,
     filmed: [800, 1200],
     settings: &[],
 };
@@ -75,7 +75,7 @@ const SMOKE: Size = Size {
     unseen_frames: 1,
     resolution: 64,
     samples: 2000,
-    picture: (120, 200),
+    picture: 200,
     filmed: [200, 300],
     settings: &[
         ("schedule.steps", "12"),
@@ -94,7 +94,7 @@ impl Demo {
         self.json.check()?;
         let resumes = self.resumes()?;
         let subject = BuiltInSubject::new()?;
-        let scans = Filmed::new(&subject, Split::Train, size.training_frames)?;
+        let scans = subject.film(Split::Train, size.training_frames)?;
         let pictures = if self.rgbd { Some(FilmedInDepth::new(&scans, size.filmed)?) } else { None };
         let frames = match &pictures {
             Some(pictures) => TrainingFrames::Rgbd(pictures),
@@ -162,19 +162,19 @@ impl Demo {
     ) -> anyhow::Result<Ending> {
         let meshes = self.out.join("meshes");
         outputs::existing_folder(&meshes)?;
-        let unseen = Filmed::new(subject, Split::Test, size.unseen_frames)?;
+        let unseen = subject.film(Split::Test, size.unseen_frames)?;
         let animator = Animator::new(avatar, subject.model(), subject.part_labels())?;
         let mut gallery = Gallery::new(size.picture);
         let mut posed: Vec<TriangleMesh> = Vec::new();
-        for (index, frame) in unseen.frames.iter().enumerate() {
+        for (index, frame) in unseen.frames().iter().enumerate() {
             if stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Stopped);
             }
-            let share = index as f64 / (unseen.frames.len() + 1) as f64;
+            let share = index as f64 / (unseen.frames().len() + 1) as f64;
             progress.show("meshes", share, &format!("unseen pose {}", index + 1));
             let mesh = animator.extract(&frame.parameters, size.resolution)?.mesh;
             write_ply(meshes.join(format!("unseen-f{:05}.ply", frame.id.number)), &mesh)?;
-            gallery.add_pose(&frame.scan, &mesh)?;
+            gallery.add_pose(&frame.scan, &mesh);
             posed.push(mesh);
         }
         let canonical = BodyModel::canonical_parameters(&subject.betas());
@@ -193,7 +193,7 @@ impl Demo {
         };
         // Frames of one take are numbered from 1 in order.
         let predict = |frame: &ScanFrame| Ok(posed[frame.id.number as usize - 1].clone());
-        let report = evaluation.run(unseen.frames.iter().cloned().map(Ok), predict, |_| {})?;
+        let report = evaluation.run(unseen.frames().iter().cloned().map(Ok), predict, |_| {})?;
         progress.finish();
         outputs::write_json(&self.metrics_file(), &report)?;
         let table = format!(

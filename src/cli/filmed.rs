@@ -1,4 +1,4 @@
-//! The built-in subject as the demo films it: its scans, or the pictures of an RGB-D camera that goes around it.
+//! The built-in subject as an RGB-D camera films it that goes around it.
 
 use std::f32::consts::TAU;
 
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use xavatar::body::Gender;
 use xavatar::camera::PinholeCamera;
 use xavatar::data::{FrameId, FrameSource, RgbdFrame, RgbdSource, ScanFrame};
-use xavatar::mannequin::{BuiltInSubject, Split};
+use xavatar::mannequin::FilmedTake;
 use xavatar::render::render_rgbd;
 
 /// The camera's distance from the subject's middle, metres (thesis A.2.2).
@@ -17,41 +17,6 @@ const DISTANCE: f32 = 6.0;
 const FIELD_OF_VIEW: f32 = TAU / 12.0;
 /// Height of the subject's middle, metres.
 const MIDDLE: f32 = 0.9;
-
-/// One take of the built-in subject, in memory.
-pub struct Filmed {
-    pub frames: Vec<ScanFrame>,
-    ids: Vec<FrameId>,
-    betas: [f32; 10],
-}
-
-impl Filmed {
-    pub fn new(subject: &BuiltInSubject, split: Split, count: usize) -> anyhow::Result<Self> {
-        let frames: xavatar::Result<Vec<_>> =
-            (0..count).into_par_iter().map(|index| subject.frame(split, index, count)).collect();
-        let frames = frames.context("filming the built-in subject")?;
-        let ids = frames.iter().map(|frame| frame.id.clone()).collect();
-        Ok(Self { frames, ids, betas: subject.betas() })
-    }
-}
-
-impl FrameSource for Filmed {
-    fn ids(&self) -> &[FrameId] {
-        &self.ids
-    }
-
-    fn read(&self, index: usize) -> xavatar::Result<ScanFrame> {
-        Ok(self.frames[index].clone())
-    }
-
-    fn betas(&self) -> [f32; 10] {
-        self.betas
-    }
-
-    fn gender(&self) -> Gender {
-        Gender::Neutral
-    }
-}
 
 /// A take as an RGB-D camera sees it that goes around the subject once: one picture a frame.
 pub struct FilmedInDepth {
@@ -62,9 +27,9 @@ pub struct FilmedInDepth {
 
 impl FilmedInDepth {
     /// Pictures of `size` columns and rows.
-    pub fn new(take: &Filmed, size: [u32; 2]) -> anyhow::Result<Self> {
+    pub fn new(take: &FilmedTake, size: [u32; 2]) -> anyhow::Result<Self> {
         let picture = |(index, scan): (usize, &ScanFrame)| -> xavatar::Result<RgbdFrame> {
-            let azimuth = TAU * index as f32 / take.frames.len() as f32;
+            let azimuth = TAU * index as f32 / take.frames().len() as f32;
             let middle = scan.parameters.transl.with_y(MIDDLE);
             let position = middle + DISTANCE * Vec3::new(azimuth.sin(), 0.0, azimuth.cos());
             let camera = PinholeCamera::looking_at(position, middle, FIELD_OF_VIEW, size)?;
@@ -78,9 +43,9 @@ impl FilmedInDepth {
                 parameters: scan.parameters.clone(),
             })
         };
-        let frames: xavatar::Result<Vec<_>> = take.frames.par_iter().enumerate().map(picture).collect();
+        let frames: xavatar::Result<Vec<_>> = take.frames().par_iter().enumerate().map(picture).collect();
         let frames = frames.context("filming the built-in subject in depth")?;
-        Ok(Self { frames, ids: take.ids.clone(), betas: take.betas })
+        Ok(Self { frames, ids: FrameSource::ids(take).to_vec(), betas: take.betas() })
     }
 }
 

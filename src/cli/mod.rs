@@ -12,6 +12,7 @@ mod check;
 mod completions;
 mod convert;
 mod demo;
+mod doctor;
 mod eval;
 mod export;
 mod extract;
@@ -27,6 +28,7 @@ mod motion;
 mod outputs;
 mod pointcloud;
 mod progress;
+mod render;
 mod stop;
 mod train;
 mod training;
@@ -66,9 +68,11 @@ enum Verb {
     Fuse(fuse::Fuse),
     Extract(extract::Extract),
     Animate(animate::Animate),
+    Render(render::Render),
     Export(export::Export),
     Convert(convert::Convert),
     Info(info::Info),
+    Doctor(doctor::Doctor),
     #[command(name = "pointcloud")]
     PointCloud(pointcloud::PointCloudOf),
     Completions(completions::Completions),
@@ -128,9 +132,11 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Fuse(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
+        Verb::Render(verb) => verb.run(),
         Verb::Export(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
+        Verb::Doctor(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
@@ -77,6 +77,21 @@ impl MotionArguments {
         let clip = Clip::load(motion, &self.options(avatar)?)?;
         clip.report.iter().for_each(|line| log::info!("{line}"));
         Ok(clip)
+    }
+
+    /// Frames a second that are wanted.
+    pub fn rate(&self) -> Option<f32> {
+        self.fps
+    }
+
+    /// The frames that are wanted of `count`, counted from 0.
+    pub fn range_within(&self, count: usize) -> anyhow::Result<std::ops::Range<usize>> {
+        let FrameRange(first, last) = self.frames.unwrap_or(FrameRange(1, None));
+        let last = last.unwrap_or(count);
+        if first > last.max(1) || last > count {
+            bail!("--frames {first}..{last}: there are {count} frames");
+        }
+        Ok(first - 1..last)
     }
 
     fn options(&self, avatar: &Avatar) -> anyhow::Result<MotionOptions> {
