@@ -9,13 +9,13 @@ use xavatar::body::{BodyModel, Gender};
 use xavatar::config::Config;
 use xavatar::data::{ScanFrame, write_npz, write_pickle, write_subject};
 use xavatar::evaluate::Evaluation;
+use xavatar::filming::{FilmedScans, Turntable};
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::mesh::{TriangleMesh, write_ply};
 use xavatar::render::write_png;
 use xavatar::report::{Fact, REPORT_FILE, Report, machine};
 use xavatar::train::{Ending, Trainer, TrainingFrames};
 
-use super::filmed::FilmedInDepth;
 use super::gallery::{Gallery, sheet_of_pictures};
 use super::json::JsonArgument;
 use super::progress::Progress;
@@ -53,8 +53,8 @@ struct Size {
     resolution: usize,
     /// Points per surface that are measured.
     samples: usize,
-    /// Columns and rows of one picture, pixels.
-    picture: (u32, u32),
+    /// Rows of one picture, pixels.
+    picture: u32,
     /// Columns and rows of what the RGB-D camera takes, pixels.
     filmed: [u32; 2],
     /// What differs from the preset.
@@ -66,7 +66,7 @@ const FULL: Size = Size {
     unseen_frames: 5,
     resolution: 224,
     samples: Evaluation::SAMPLES,
-    picture: (300, 500),
+    picture: 520,
     filmed: [800, 1200],
     settings: &[],
 };
@@ -76,7 +76,7 @@ const SMOKE: Size = Size {
     unseen_frames: 1,
     resolution: 64,
     samples: 2000,
-    picture: (120, 200),
+    picture: 200,
     filmed: [200, 300],
     settings: &[
         ("schedule.steps", "12"),
@@ -96,7 +96,8 @@ impl Demo {
         let resumes = self.resumes()?;
         let subject = BuiltInSubject::new()?;
         let scans = subject.film(Split::Train, size.training_frames)?;
-        let pictures = if self.rgbd { Some(FilmedInDepth::new(&scans, size.filmed)?) } else { None };
+        let table = Turntable { size: size.filmed, steps_per_turn: size.training_frames as u32 };
+        let pictures = if self.rgbd { Some(FilmedScans::new(&scans, table)?) } else { None };
         let frames = match &pictures {
             Some(pictures) => TrainingFrames::Rgbd(pictures),
             None => TrainingFrames::Scans(&scans),
@@ -114,7 +115,7 @@ impl Demo {
         let begin = if resumes { Trainer::resume } else { Trainer::start };
         let mut trainer = begin(&config, frames, body, labels, &self.out, &mut progress)?;
         if let Some(pictures) = &pictures {
-            write_png(self.out.join("pictures.png"), &sheet_of_pictures(&pictures.frames, size.picture)?)?;
+            write_png(self.out.join("pictures.png"), &sheet_of_pictures(pictures, size.picture)?)?;
         }
         let trained = trainer.run(stop, &mut progress)?;
         let shown = match trained {
@@ -175,7 +176,7 @@ impl Demo {
             progress.show("meshes", share, &format!("unseen pose {}", index + 1));
             let mesh = animator.extract(&frame.parameters, size.resolution)?.mesh;
             write_ply(meshes.join(format!("unseen-f{:05}.ply", frame.id.number)), &mesh)?;
-            gallery.add_pose(&frame.scan, &mesh)?;
+            gallery.add_pose(&frame.scan, &mesh);
             posed.push(mesh);
         }
         let canonical = BodyModel::canonical_parameters(&subject.betas());
