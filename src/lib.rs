@@ -68,6 +68,7 @@ mod error;
 pub mod evaluate;
 pub mod export;
 pub mod fields;
+pub mod filming;
 pub mod machine;
 pub mod mannequin;
 pub mod mesh;

@@ -9,12 +9,12 @@ use xavatar::body::{BodyModel, Gender};
 use xavatar::config::Config;
 use xavatar::data::{ScanFrame, write_npz, write_pickle, write_subject};
 use xavatar::evaluate::Evaluation;
+use xavatar::filming::{FilmedScans, Turntable};
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::mesh::{TriangleMesh, write_ply};
 use xavatar::render::write_png;
 use xavatar::train::{Ending, Trainer, TrainingFrames};
 
-use super::filmed::FilmedInDepth;
 use super::gallery::{Gallery, sheet_of_pictures};
 use super::json::JsonArgument;
 use super::progress::Progress;
@@ -95,7 +95,8 @@ impl Demo {
         let resumes = self.resumes()?;
         let subject = BuiltInSubject::new()?;
         let scans = subject.film(Split::Train, size.training_frames)?;
-        let pictures = if self.rgbd { Some(FilmedInDepth::new(&scans, size.filmed)?) } else { None };
+        let table = Turntable { size: size.filmed, steps_per_turn: size.training_frames as u32 };
+        let pictures = if self.rgbd { Some(FilmedScans::new(&scans, table)?) } else { None };
         let frames = match &pictures {
             Some(pictures) => TrainingFrames::Rgbd(pictures),
             None => TrainingFrames::Scans(&scans),
@@ -113,7 +114,7 @@ impl Demo {
         let begin = if resumes { Trainer::resume } else { Trainer::start };
         let mut trainer = begin(&config, frames, body, labels, &self.out, &mut progress)?;
         if let Some(pictures) = &pictures {
-            write_png(self.out.join("pictures.png"), &sheet_of_pictures(&pictures.frames, size.picture)?)?;
+            write_png(self.out.join("pictures.png"), &sheet_of_pictures(pictures, size.picture)?)?;
         }
         let trained = trainer.run(stop, &mut progress)?;
         let shown = match trained {

@@ -6,7 +6,7 @@ use glam::Vec3;
 use image::imageops::{FilterType, resize};
 use image::{Rgb, RgbImage};
 use xavatar::Result;
-use xavatar::data::RgbdFrame;
+use xavatar::data::{RgbdFrame, RgbdSource};
 use xavatar::mesh::TriangleMesh;
 use xavatar::render::{FRONT, Scene, THREE_QUARTER, Tile, View, contact_sheet, framing_row, write_png};
 
@@ -63,16 +63,19 @@ fn lit(mesh: &TriangleMesh) -> Result<Scene<'_>> {
 const SHOWN: usize = 6;
 
 /// What the RGB-D camera took: colours above depths, evenly spread over the take.
-pub fn sheet_of_pictures(frames: &[RgbdFrame], height: u32) -> Result<RgbImage> {
-    let shown = frames.iter().step_by(frames.len().div_ceil(SHOWN).max(1));
+pub fn sheet_of_pictures(source: &dyn RgbdSource, height: u32) -> Result<RgbImage> {
+    let count = source.ids().len();
+    let shown: Result<Vec<_>> =
+        (0..count).step_by(count.div_ceil(SHOWN).max(1)).map(|index| source.read(index)).collect();
     let scaled = |picture: &RgbImage| {
         let width = (picture.width() * height / picture.height().max(1)).max(1);
         resize(picture, width, height, FilterType::Triangle)
     };
-    let (colours, depths) = shown
+    let (colours, depths) = shown?
+        .iter()
         .map(|frame| {
             let depth = depth_picture(frame);
-            (Tile::new(scaled(&frame.colour), frame.id.to_string()), Tile::new(scaled(&depth), "its depth"))
+            (Tile::new(scaled(&frame.colour), "picture"), Tile::new(scaled(&depth), "its depth"))
         })
         .unzip();
     contact_sheet(&[colours, depths])

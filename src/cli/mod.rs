@@ -16,7 +16,6 @@ mod doctor;
 mod eval;
 mod export;
 mod extract;
-mod filmed;
 mod fuse;
 mod gallery;
 mod info;
@@ -29,6 +28,7 @@ mod outputs;
 mod pointcloud;
 mod progress;
 mod render;
+mod render_rgbd;
 mod stop;
 mod train;
 mod training;
@@ -75,6 +75,7 @@ enum Verb {
     Doctor(doctor::Doctor),
     #[command(name = "pointcloud")]
     PointCloud(pointcloud::PointCloudOf),
+    RenderRgbd(render_rgbd::RenderRgbd),
     Completions(completions::Completions),
 }
 
@@ -138,6 +139,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Info(verb) => verb.run(),
         Verb::Doctor(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),
+        Verb::RenderRgbd(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
 }
