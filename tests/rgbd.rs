@@ -437,6 +437,9 @@ fn good_frames_pass_the_check() {
     let report = report(folder.path());
     assert!(report.problems.is_empty(), "{report:#?}");
     assert_eq!(report.measured_frames, 3);
+    let mut points: Vec<usize> = FRAMES.iter().map(|frame| PointCloud::of(frame).unwrap().points.len()).collect();
+    points.sort();
+    assert_eq!(report.points, Some(points[1]), "the median");
     assert!((report.depth_to_body.unwrap() - 1.0).abs() < 0.05, "{report:#?}");
     assert!(report.distances["all"].median_mm < 40.0, "{report:#?}");
 }
