@@ -68,12 +68,15 @@ mod error;
 pub mod evaluate;
 pub mod export;
 pub mod fields;
+pub mod filming;
 pub mod machine;
 pub mod mannequin;
 pub mod mesh;
 mod picture_file;
 pub mod render;
+pub mod report;
 mod tensor_file;
 pub mod train;
+pub mod view;
 
 pub use error::{Error, Result};

@@ -1,9 +1,12 @@
-//! Reading PNG and JPEG pictures without trusting them: the size is known, and bounded, before anything is decoded.
+//! PNG and JPEG pictures: read without trust, the size known and bounded before anything is decoded; written as a whole.
 
+use std::io;
 use std::path::Path;
 
-use image::{DynamicImage, ImageReader, Limits};
+use image::codecs::png::PngEncoder;
+use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader, Limits, RgbImage};
 
+use crate::atomic_file::write_atomically;
 use crate::{Error, Result};
 
 /// Longest side read, pixels.
@@ -29,5 +32,17 @@ pub(crate) fn read_picture(path: &Path) -> Result<DynamicImage> {
         place: "the file".into(),
         found: error.to_string(),
         expected: "a PNG or JPEG".into(),
+    })
+}
+
+/// Writes a PNG; what stood at `path` before stays until the new one is complete.
+///
+/// # Errors
+/// [`Error::Io`] if the folder does not exist or the disk is full.
+pub(crate) fn write_picture(path: &Path, picture: &RgbImage) -> Result<()> {
+    write_atomically(path, |writer| {
+        PngEncoder::new(writer)
+            .write_image(picture.as_raw(), picture.width(), picture.height(), ExtendedColorType::Rgb8)
+            .map_err(io::Error::other)
     })
 }

@@ -16,7 +16,6 @@ mod doctor;
 mod eval;
 mod export;
 mod extract;
-mod filmed;
 mod fuse;
 mod gallery;
 mod info;
@@ -28,9 +27,13 @@ mod motion;
 mod outputs;
 mod pointcloud;
 mod progress;
+mod render;
+mod render_rgbd;
+mod report;
 mod stop;
 mod train;
 mod training;
+mod view;
 
 use std::process::ExitCode;
 
@@ -67,12 +70,15 @@ enum Verb {
     Fuse(fuse::Fuse),
     Extract(extract::Extract),
     Animate(animate::Animate),
+    Render(render::Render),
     Export(export::Export),
     Convert(convert::Convert),
     Info(info::Info),
     Doctor(doctor::Doctor),
     #[command(name = "pointcloud")]
     PointCloud(pointcloud::PointCloudOf),
+    View(view::View),
+    RenderRgbd(render_rgbd::RenderRgbd),
     Completions(completions::Completions),
 }
 
@@ -130,11 +136,14 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Fuse(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
+        Verb::Render(verb) => verb.run(),
         Verb::Export(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
         Verb::Doctor(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),
+        Verb::View(verb) => verb.run(),
+        Verb::RenderRgbd(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
 }

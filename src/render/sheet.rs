@@ -18,7 +18,7 @@ const LARGEST_SIDE: u64 = 32_768;
 pub struct Tile {
     /// The picture.
     pub picture: RgbImage,
-    /// One line of text. It is cut where the picture ends; characters beyond ASCII show as `?`.
+    /// One line of text, in the middle. It is cut where the picture ends; characters beyond ASCII show as `?`.
     pub label: String,
 }
 
@@ -53,7 +53,8 @@ pub fn contact_sheet(rows: &[Vec<Tile>]) -> Result<RgbImage> {
             imageops::replace(&mut sheet, &tile.picture, i64::from(left), i64::from(top));
             let letters = (tile.picture.width() / TEXT.advance()) as usize;
             let label: String = tile.label.chars().take(letters).collect();
-            let place = [i64::from(left), i64::from(top + picture_height(row))];
+            let indent = tile.picture.width().saturating_sub(TEXT.width(&label)) / 2;
+            let place = [i64::from(left + indent), i64::from(top + picture_height(row))];
             draw_text(&mut sheet, &label, place, TEXT, INK);
             left += tile.picture.width() + GAP;
         }

@@ -19,6 +19,7 @@ pub use frame::read_frame;
 pub use write::write_subject;
 
 pub(super) use frame::parameters_of;
+pub(super) use write::{create_folder, write_common, write_parameters};
 
 use super::{FrameFiles, FrameId, read_npy};
 use crate::body::Gender;
