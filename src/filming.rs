@@ -7,6 +7,7 @@
 //! Depth is that of the ray through a pixel's centre, without noise; colour is unlit, on white.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::f32::consts::TAU;
 
 use glam::Vec3;
@@ -101,15 +102,16 @@ impl<'a> FilmedScans<'a> {
         let mut places = Vec::new();
         for (index, id) in scans.ids().iter().enumerate() {
             let key = (id.split.as_str(), id.sequence.as_str());
-            if !sequences.contains_key(&key) {
-                let circle = Circle::around(&scans.read(index)?)?;
-                circle.camera(&table, 0)?;
-                sequences.insert(key, (circle, 0));
-            }
-            if let Some((circle, step)) = sequences.get_mut(&key) {
-                places.push((*circle, *step));
-                *step += 1;
-            }
+            let (circle, step) = match sequences.entry(key) {
+                Entry::Occupied(entry) => entry.into_mut(),
+                Entry::Vacant(entry) => {
+                    let circle = Circle::around(&scans.read(index)?)?;
+                    circle.camera(&table, 0)?;
+                    entry.insert((circle, 0))
+                }
+            };
+            places.push((*circle, *step));
+            *step += 1;
         }
         Ok(Self { scans, table, places })
     }

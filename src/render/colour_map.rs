@@ -169,8 +169,8 @@ mod tests {
     #[test]
     fn joints_differ_from_their_parents_and_weights_mix_them() {
         let colours = joint_colours();
-        for joint in 1..JOINTS {
-            let [own, parent] = [joint, PARENTS[joint]].map(|j| Vec3::from(colours[j].map(f32::from)));
+        for (joint, parent) in PARENTS.iter().enumerate().skip(1) {
+            let [own, parent] = [joint, *parent].map(|j| Vec3::from(colours[j].map(f32::from)));
             assert!(own.distance(parent) > 40.0, "joint {joint}: {own} {parent}");
         }
         let mut weights = vec![0.0; 2 * JOINTS];

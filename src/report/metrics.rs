@@ -56,17 +56,18 @@ const METRICS: [Metric; 4] = [
     ("IoU", "", |part| format!("{:.3}", part.iou), |part| 1.0 - part.iou),
 ];
 
-const PARTS: [(&str, fn(&FrameMetrics) -> Option<PartMetrics>); 3] =
+/// The metrics of one part.
+type OfPart = fn(&FrameMetrics) -> Option<PartMetrics>;
+
+const PARTS: [(&str, OfPart); 3] =
     [("Whole body", |parts| parts.all), ("Hands", |parts| parts.hands), ("Face", |parts| parts.face)];
 
 impl MetricsTable {
     /// Of what was measured on frames that `frames_of` describes.
     pub(super) fn of(report: &Report, frames_of: &str) -> Self {
         let (mean, baseline) = (report.mean(), report.baseline_mean());
-        let of_avatar = |part: fn(&FrameMetrics) -> Option<PartMetrics>| ("avatar", "avatar", part(&mean));
-        let of_baseline = |part: fn(&FrameMetrics) -> Option<PartMetrics>| {
-            baseline.as_ref().map(|baseline| ("baseline", SMPLX_D, part(baseline)))
-        };
+        let of_avatar = |part: OfPart| ("avatar", "avatar", part(&mean));
+        let of_baseline = |part: OfPart| baseline.as_ref().map(|baseline| ("baseline", SMPLX_D, part(baseline)));
         let rows_of = |part| std::iter::once(of_avatar(part)).chain(of_baseline(part));
         let measured: Vec<PartMetrics> =
             PARTS.iter().flat_map(|(_, part)| rows_of(*part)).filter_map(|(_, _, metrics)| metrics).collect();

@@ -73,7 +73,7 @@ pub(super) enum Drawn {
     /// Observed points, by their places.
     Observed(Vec<u32>),
     /// The registered body's surface, with the colour of the nearest of these points.
-    Registered(SurfaceSampler, ObservedPoints),
+    Registered(SurfaceSampler, Box<ObservedPoints>),
 }
 
 /// A part of the surface and its share of P.
@@ -254,7 +254,7 @@ fn regions(
         for region in &mut regions {
             if matches!(region.part, Part::LeftHand | Part::RightHand) {
                 let sampler = SurfaceSampler::new(body, Some(&faces_of_part(body, labels, region.part)))?;
-                region.drawn = Drawn::Registered(sampler, observed.of_part(region.part)?);
+                region.drawn = Drawn::Registered(sampler, Box::new(observed.of_part(region.part)?));
             }
         }
     }

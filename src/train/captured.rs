@@ -41,7 +41,7 @@ impl TrainingFrames<'_> {
 
     pub(super) fn read(&self, index: usize) -> Result<CapturedFrame> {
         Ok(match self {
-            Self::Scans(source) => CapturedFrame::Scan(source.read(index)?),
+            Self::Scans(source) => CapturedFrame::Scan(Box::new(source.read(index)?)),
             Self::Rgbd(source) => CapturedFrame::Rgbd(Box::new(RgbdCapture::of(source.read(index)?)?)),
         })
     }
@@ -64,7 +64,7 @@ impl TrainingFrames<'_> {
 /// A frame as it was captured.
 #[derive(Clone)]
 pub(super) enum CapturedFrame {
-    Scan(ScanFrame),
+    Scan(Box<ScanFrame>),
     Rgbd(Box<RgbdCapture>),
 }
 

@@ -57,8 +57,8 @@ pub(super) struct PreparedFrame<'a> {
 
 /// What a frame's points are drawn from.
 pub(super) enum Supervision<'a> {
-    Scan(ScanSupervision<'a>),
-    Camera(CameraView<'a>),
+    Scan(Box<ScanSupervision<'a>>),
+    Camera(Box<CameraView<'a>>),
 }
 
 /// A scan and the body registered to it.
@@ -95,9 +95,11 @@ impl<'a> PreparedFrame<'a> {
                 bones: bone_rows(&body.canonical_to_posed(parameters)?),
                 supervision: match frame {
                     CapturedFrame::Scan(frame) => {
-                        Supervision::Scan(ScanSupervision::new(frame, registered, &config.sampling)?)
+                        Supervision::Scan(Box::new(ScanSupervision::new(*frame, registered, &config.sampling)?))
                     }
-                    CapturedFrame::Rgbd(frame) => Supervision::Camera(CameraView::new(*frame, registered, config)?),
+                    CapturedFrame::Rgbd(frame) => {
+                        Supervision::Camera(Box::new(CameraView::new(*frame, registered, config)?))
+                    }
                 },
             })
         };
@@ -107,7 +109,8 @@ impl<'a> PreparedFrame<'a> {
     /// What the frame takes in memory, about, bytes.
     pub fn size(&self) -> usize {
         match &self.supervision {
-            Supervision::Scan(ScanSupervision { scan, body, .. }) => {
+            Supervision::Scan(supervision) => {
+                let ScanSupervision { scan, body, .. } = supervision.as_ref();
                 BYTES_A_FACE * (scan.mesh.faces.len() + body.mesh.faces.len())
             }
             Supervision::Camera(view) => view.size(),

@@ -163,7 +163,8 @@ mod tests {
             values.iter().copied().fold(f32::MIN, f32::max) - values.iter().copied().fold(f32::MAX, f32::min)
         };
         let finger = |parameters: &BodyParameters| numbers(parameters)[3 * 25 + 2];
-        let parts: [(fn(&BodyParameters) -> f32, f32); 6] = [
+        type Value = fn(&BodyParameters) -> f32;
+        let parts: [(Value, f32); 6] = [
             (|pose| pose.body_pose[joint::KNEES[0]].0.x, 0.5),
             (|pose| pose.body_pose[joint::SHOULDERS[1]].0.z, 0.8),
             (|pose| pose.body_pose[joint::HEAD].0.y, 0.4),

@@ -266,7 +266,7 @@ impl Chunk<'_> {
         };
         let elements = element_count(&array.shape).unwrap_or(0);
         let width = array.shape.last().copied().unwrap_or(0);
-        let rows = if width == 0 { 0 } else { elements / width };
+        let rows = elements.checked_div(width).unwrap_or(0);
         if width < 10 || (rows != 1 && rows != count) {
             let expected = format!("10 or more coefficients, once or for {count} frames");
             return Err(self.fields.malformed(&key, array.description(), expected));

@@ -109,7 +109,7 @@ impl Channels {
             total += weight;
             for ((sum, rotation), middle) in rotations.iter_mut().zip(&channels.rotations).zip(&centre.rotations) {
                 let weight = if rotation.dot(*middle) < 0.0 { -weight } else { weight };
-                *sum = *sum + *rotation * weight;
+                *sum += *rotation * weight;
             }
             numbers.iter_mut().zip(&channels.numbers).for_each(|(sum, number)| *sum += weight * number);
         }

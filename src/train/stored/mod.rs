@@ -30,7 +30,7 @@ pub(super) fn read(path: &Path, id: &FrameId) -> Result<CapturedFrame> {
         let parameters = parameters::of(&stored)?;
         Ok(match arrays.contains_key(rgbd::CAMERA) {
             true => CapturedFrame::Rgbd(Box::new(rgbd::of(&stored, id.clone(), parameters)?)),
-            false => CapturedFrame::Scan(scan::of(&stored, id.clone(), parameters)?),
+            false => CapturedFrame::Scan(Box::new(scan::of(&stored, id.clone(), parameters)?)),
         })
     };
     read().map_err(|error: Error| error.in_frame(id.to_string()))
@@ -145,7 +145,9 @@ mod tests {
             colouring: Colouring::Texture { uvs: vec![Vec2::new(0.25, 0.5); 3], image: Arc::new(image) },
         };
         let frame = ScanFrame { id: id(), scan, parameters: parameters() };
-        let CapturedFrame::Scan(read) = read_back(&CapturedFrame::Scan(frame.clone())) else { panic!("not a scan") };
+        let CapturedFrame::Scan(read) = read_back(&CapturedFrame::Scan(Box::new(frame.clone()))) else {
+            panic!("not a scan")
+        };
         assert_eq!(format!("{read:?}"), format!("{frame:?}"));
     }
 
@@ -154,7 +156,7 @@ mod tests {
     fn a_stored_picture_is_the_picture_around_the_subject() {
         let camera = PinholeCamera::looking_at(Vec3::new(0.5, 1.0, 3.0), Vec3::Y, 0.5, [300, 400]).unwrap();
         let depth = |pixel: u32| match (pixel % 300, pixel / 300) {
-            (150..180, 200..260) if pixel % 97 == 0 => 0.0,
+            (150..180, 200..260) if pixel.is_multiple_of(97) => 0.0,
             (column @ 150..180, 200..260) => 3.0 + 0.001 * column as f32,
             _ => BACKGROUND,
         };
