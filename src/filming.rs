@@ -1,6 +1,6 @@
 //! Filming scans with a virtual RGB-D camera, as the thesis makes its RGB-D data (A.2.2).
 //!
-//! The camera circles at [`RADIUS`] m around the subject and sees every frame once, from the next place on the circle. As in
+//! The camera circles at 6 m around the subject and sees every frame once, from the next place on the circle. As in
 //! X-Humans, the circle is centred over the mean of the vertices of the sequence's first scan, higher by 0.6 of its height; the
 //! camera looks at that mean, begins in front (+Z) and turns towards the subject's right (-X). Metres, radians, Y up.
 //!

@@ -84,7 +84,7 @@ struct Moment {
 
 /// Where meshes of poses come from.
 enum Poser<'a> {
-    Extracted(Animator<'a>, usize),
+    Extracted(Box<Animator<'a>>, usize),
     Skinned(FixedTopology<'a>),
 }
 
@@ -123,7 +123,7 @@ impl Render {
         }
         let poser = match fixed_topology {
             true => Poser::Skinned(FixedTopology::new(&avatar, &body, self.resolution)?),
-            false => Poser::Extracted(Animator::new(&avatar, &body, &labels)?, self.resolution),
+            false => Poser::Extracted(Box::new(Animator::new(&avatar, &body, &labels)?), self.resolution),
         };
         let panels = Panels::new(&self.view, self.against.is_some(), self.largest_error);
         let betas = avatar.subject.betas;

@@ -51,8 +51,9 @@ pub struct Motion {
 /// Reads a motion of any format (docs/motion.md): a file, or a folder of one file a frame.
 ///
 /// # Errors
-/// [`Error::Missing`] if nothing is there; [`Error::Unrecognised`] listing the formats and why the file is in none;
-/// [`Error::Malformed`] naming the place that breaks the file's format; [`Error::Refused`] for a pickle that would run code.
+/// [`Error::Missing`](crate::Error::Missing) if nothing is there; [`Error::Unrecognised`](crate::Error::Unrecognised) listing the formats and why the file is in none;
+/// [`Error::Malformed`](crate::Error::Malformed) naming the place that breaks the file's format;
+/// [`Error::Refused`](crate::Error::Refused) for a pickle that would run code.
 pub fn read_motion(path: impl AsRef<Path>) -> Result<Motion> {
     detect::read(path.as_ref(), &Onto { rest: &RestPose::default(), bone_map: None })
 }
