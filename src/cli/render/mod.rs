@@ -85,7 +85,7 @@ struct Moment {
 /// Where meshes of poses come from.
 enum Poser<'a> {
     Extracted(Box<Animator<'a>>, usize),
-    Skinned(FixedTopology<'a>),
+    Skinned(Box<FixedTopology<'a>>),
 }
 
 /// What all pictures share.
@@ -122,7 +122,7 @@ impl Render {
             log::info!("weights belong to the canonical mesh, which is skinned to every pose");
         }
         let poser = match fixed_topology {
-            true => Poser::Skinned(FixedTopology::new(&avatar, &body, self.resolution)?),
+            true => Poser::Skinned(Box::new(FixedTopology::new(&avatar, &body, self.resolution)?)),
             false => Poser::Extracted(Box::new(Animator::new(&avatar, &body, &labels)?), self.resolution),
         };
         let panels = Panels::new(&self.view, self.against.is_some(), self.largest_error);
