@@ -303,26 +303,28 @@ fn skeleton_morphs_colours_and_clip_are_in_the_file() {
     }
 }
 
-// The morph of a coefficient leads from the surface under no condition to that under its unit: f(p + d_k, c_k) = 0
+// The morph of coefficient k keeps the field's value while the condition goes from none to c_k: f(p + d_k, c_k) = f(p, 0)
 #[test]
 fn expressions_of_avatars_without_offsets_are_the_fields() {
     let avatar = avatar(false);
     let network = &avatar.fields.geometry.mlp;
     let (rigged, _) =
         Rigging { correctives: 0, ..RIGGING }.rig(&avatar, None, &flat_handed(1), RATE, |_, _| {}).unwrap();
-    let values = |points: &[Vec3], coefficient: usize| {
-        let mut parameters = BodyParameters::default();
-        parameters.expression[coefficient] = 1.0;
+    let values = |points: &[Vec3], expression: [f32; 10]| {
+        let parameters = BodyParameters { expression, ..BodyParameters::default() };
         let rows: Vec<f32> = points.iter().flat_map(Vec3::to_array).collect();
         let mut trace = Trace::default();
         network.forward(&mut trace, &rows, &network.embed(&condition(&parameters)), &[]);
         trace.output().to_vec()
     };
-    let furthest = |values: Vec<f32>| values.into_iter().map(f32::abs).fold(0.0, f32::max);
+    let vertices = &rigged.mesh.vertices;
+    let neutral = values(vertices, [0.0; 10]);
+    let change = |values: Vec<f32>| values.iter().zip(&neutral).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     for (coefficient, morph) in rigged.morphs.iter().enumerate() {
-        let moved: Vec<Vec3> = rigged.mesh.vertices.iter().zip(&morph.offsets).map(|(p, d)| *p + *d).collect();
-        let (before, after) =
-            (furthest(values(&rigged.mesh.vertices, coefficient)), furthest(values(&moved, coefficient)));
+        let mut expression = [0.0; 10];
+        expression[coefficient] = 1.0;
+        let moved: Vec<Vec3> = vertices.iter().zip(&morph.offsets).map(|(p, d)| *p + *d).collect();
+        let (before, after) = (change(values(vertices, expression)), change(values(&moved, expression)));
         assert!(after < 0.2 * before, "{}: {before} to {after}", morph.name);
     }
 }
