@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     measure("depth", || render_depth(&mesh, &camera).map(drop))?;
     measure("depth and colour", || render_rgbd(&mesh, &camera).map(drop))?;
-    measure("ambient occlusion, a mesh", || Scene::new(&mesh)?.with_ambient_occlusion().map(drop))?;
+    measure("occlusion and floor, a mesh", || Scene::new(&mesh)?.with_ambient_occlusion(Some(-0.95)).map(drop))?;
     Ok(())
 }
 

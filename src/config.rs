@@ -151,7 +151,7 @@ pub enum SamplingStrategy {
 pub enum HandSupervision {
     /// The registered body: volumetric scans fuse fingers.
     Registration,
-    /// The scan.
+    /// What was captured: the scan, or the points that a camera sees.
     Scan,
 }
 
@@ -221,7 +221,7 @@ pub struct LossSettings {
     pub eikonal_points: usize,
     /// Distance by which the field leaves its bounds in the air that a camera looks through, per metre.
     ///
-    /// Not in the thesis: 0 there.
+    /// Not in the thesis, and 0 in the presets: measured, it brought nothing (docs/rgbd-training.md).
     #[serde(default)]
     pub free_space: f64,
 }

@@ -222,10 +222,25 @@ impl PosedField<'_> {
         values.par_chunks_mut(BLOCK_ROWS).zip(canonical.par_chunks(BLOCK_ROWS)).for_each_init(
             Trace::default,
             |trace, (values, points)| {
-                self.fields.geometry.mlp.forward(trace, points.as_flattened(), self.embedded, &[]);
+                self.fields.geometry.mlp.evaluate(trace, points.as_flattened(), self.embedded, &[]);
                 values.copy_from_slice(trace.output());
             },
         );
         values
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_union_starts_from_the_points_own_part_the_body_and_the_head() {
+        let groups = union_start_groups(Starts::Part).unwrap();
+        for part in Part::ALL {
+            let bones = groups.bones(Some(part_label(part))).unwrap();
+            let expected = [part, Part::Body, Part::Face].into_iter().flat_map(Part::joints);
+            assert!(expected.into_iter().all(|bone| bones.contains(bone)), "{part:?}");
+        }
     }
 }

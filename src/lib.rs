@@ -1,6 +1,60 @@
 //! Animatable neural avatars from 3D scans: implicit geometry, colour and learned skinning (X-Avatar, Shen 2022).
 //!
-//! Data flows one way: files -> [`data`] -> frames -> [`train`] -> [`avatar`] -> [`mesh`] -> pictures, exports, metrics.
+//! A person is three fields over one canonical body. Geometry f says of a canonical point x_c whether it is inside, texture c what colour it
+//! has, skinning w which bones move it. To learn them from posed scans, every posed point x_d needs its canonical one; that search
+//! is the heart of the method, and its gradient is exact. This page walks from the formulas to the code.
+//!
+//! # The body: theta, beta, psi to bones
+//!
+//! T = template + shapedirs [beta | psi] + posedirs vec(R(theta) - I); joints = regressor (template + shapedirs [beta | psi]); posed by linear
+//! blend skinning. [`body::BodyModel`] is that; [`body::BodyParameters`] are theta, beta and psi with their conventions as types: a
+//! hand pose says whether it is flat or relative to the model's mean. Deformers take B_j = G_j(theta) G_j(theta_canonical)^-1, from
+//! [`canonical_to_posed`](body::BodyModel::canonical_to_posed).
+//!
+//! # The fields: f, c, w
+//!
+//! [`fields::Fields`] holds them: softplus networks over encoded points, conditioned on [theta_b / pi, psi]
+//! ([`fields::condition`]), or hash grids with small networks. They are made of [`xavatar_network`], which has every derivative by hand:
+//! df/dx_c for normals, and the parameters' gradient of losses on values, normals and weights.
+//!
+//! # Correspondence: x_d = sum_i w_i(x_c) B_i x_c
+//!
+//! [`correspondence::PosedField`] searches all x_c of a posed point, from the bones of its part ([`correspondence::start_groups`]), with
+//! [`xavatar_deformer`]: Broyden's method, on the field itself or on one baked on a grid. A point may have several: occupancy is the
+//! largest of theirs, distance the smallest. Gradients reach the skinning field through the implicit function theorem.
+//!
+//! # Training
+//!
+//! [`data`] reads what users have: scans, motions, body models, all without running anything that is in them. A
+//! [`data::FrameSource`] hands out frames, [`train::Trainer`] draws points from them, part by part, and descends
+//! [`train::losses`]: BCE(f) or |f - d|, |n_d - n|^2, |c - c_gt|, and what holds the weights at joints and skin. A run is
+//! a folder that can be stopped and resumed to the bit; [`config::Config`] is every constant, `configs/` the presets.
+//!
+//! # The avatar
+//!
+//! [`avatar::Avatar`] is one file. [`query`](avatar::Avatar::query) it at a point, [extract](avatar::Avatar::extract_canonical) its
+//! surface with the marching cubes of [`mesh`], pose it with [`avatar::Animator`] (the union of all correspondences) or
+//! [`avatar::FixedTopology`] (one mesh, skinned). [`evaluate`] measures it, [`render`] draws it without a GPU. Checkpoints of the released
+//! X-Avatar code become avatars by [`from_official`](avatar::Avatar::from_official).
+//!
+//! # Trying it
+//!
+//! [`mannequin::BuiltInSubject`] needs no data. `examples/` trains, poses and queries it; the shortest of them:
+//!
+//! ```no_run
+//! use xavatar::avatar::{Animator, Avatar};
+//! use xavatar::body::BodyParameters;
+//! use xavatar::mannequin::BuiltInSubject;
+//!
+//! let avatar = Avatar::load("runs/demo".as_ref())?;
+//! let subject = BuiltInSubject::new()?;
+//! let animator = Animator::new(&avatar, subject.model(), subject.part_labels())?;
+//! let mesh = animator.extract(&BodyParameters::default(), 128)?.mesh;
+//! xavatar::mesh::write_ply("t-pose.ply", &mesh)?;
+//! # Ok::<(), xavatar::Error>(())
+//! ```
+//!
+//! Points and joints are in metres, rotations in radians, Y is up and the subject faces +Z.
 
 mod atomic_file;
 pub mod avatar;
@@ -14,10 +68,15 @@ mod error;
 pub mod evaluate;
 pub mod export;
 pub mod fields;
+pub mod filming;
+pub mod machine;
 pub mod mannequin;
 pub mod mesh;
+mod picture_file;
 pub mod render;
+pub mod report;
 mod tensor_file;
 pub mod train;
+pub mod view;
 
 pub use error::{Error, Result};

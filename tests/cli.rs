@@ -120,7 +120,21 @@ fn wrong_usage_exits_with_2_before_anything_is_read() {
 
 #[test]
 fn help_and_version_are_not_errors() {
-    for verb in ["demo", "check", "train", "eval", "ablate", "extract", "animate", "convert", "info", "completions"] {
+    for verb in [
+        "demo",
+        "check",
+        "train",
+        "eval",
+        "ablate",
+        "fuse",
+        "extract",
+        "animate",
+        "convert",
+        "info",
+        "completions",
+        "pointcloud",
+        "render-rgbd",
+    ] {
         assert_outcome(&[verb, "--help"], 0, &["Example", &format!("xavatar {verb}")]);
     }
     assert_outcome(&["--version"], 0, &[env!("CARGO_PKG_VERSION")]);
@@ -378,6 +392,15 @@ fn an_official_checkpoint_becomes_an_avatar() {
     let out = folder.path().join("legacy.safetensors");
     let convert = ["convert", text(&legacy), "--meta", text(&meta), "--body", body, "--out", text(&out)];
     assert_outcome(&convert, 1, &["legacy.pth", "torch.save"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_has_seen_enough_is_no_error() {
+    let mut child = xavatar(&["completions", "zsh"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]

@@ -5,11 +5,12 @@ use std::fs;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
+use glam::Vec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use safetensors::SafeTensors;
 use xavatar::avatar::{Avatar, OfficialMeta};
-use xavatar::body::{BodyModel, Gender};
+use xavatar::body::{BodyModel, BodyParameters, Gender, PoseAxisAngle};
 use xavatar::data::{Array, ArrayData, ArrayMap, Value, read_npz, read_torch, write_npz};
 use xavatar::{Error, Result};
 use xavatar_network::{Representation, SkinningTrace, TextureField, Trace};
@@ -77,6 +78,26 @@ fn networks_answer_as_in_pytorch() {
         fields.skinning.weights(&mut SkinningTrace::default(), points.as_chunks().0, &mut weights);
         assert_close("weights", &weights, &expected("weights"));
     }
+}
+
+// n = -grad f / |grad f| for an occupancy; the gradient by central differences of the values.
+#[test]
+fn points_are_queried_one_by_one() {
+    let avatar = imported("scan.pth");
+    let pose = BodyParameters { jaw_pose: PoseAxisAngle(Vec3::X * 0.2), expression: [0.5; 10], ..Default::default() };
+    let points = [Vec3::new(0.3, -0.2, 0.4), Vec3::new(-0.5, 0.6, 0.1), Vec3::new(1.0, 1.0, -1.0)];
+    let samples = avatar.query(&points, &pose).unwrap();
+    let value = |point: Vec3| f64::from(avatar.query(&[point], &pose).unwrap()[0].value);
+    const STEP: f32 = 1e-2;
+    for (sample, point) in samples.iter().zip(points) {
+        assert_eq!(f64::from(sample.value), value(point));
+        let slope =
+            |axis: Vec3| ((value(point + STEP * axis) - value(point - STEP * axis)) / f64::from(2.0 * STEP)) as f32;
+        let gradient = Vec3::new(slope(Vec3::X), slope(Vec3::Y), slope(Vec3::Z));
+        assert!(sample.normal.dot(-gradient.normalize()) > 0.99, "{} against {gradient}", sample.normal);
+        assert!((sample.weights.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+    }
+    assert!(matches!(avatar.query(&[Vec3::NAN], &pose), Err(Error::Value { .. })));
 }
 
 #[test]

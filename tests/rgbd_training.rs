@@ -114,7 +114,7 @@ fn parameters(run: &Path) -> (Vec<Vec<f32>>, Option<Vec<f32>>) {
 fn a_run_goes_on_without_its_source_and_ends_the_same() {
     let subject = BuiltInSubject::new().unwrap();
     let mut film = Filmed::new(&subject);
-    let (config, folder) = (config(&[]), tempfile::tempdir().unwrap());
+    let (config, folder) = (config(&[("losses.free_space", "50")]), tempfile::tempdir().unwrap());
     let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
     let records = train(&config, &film, &subject, &whole);
     let last = records.0.last().unwrap();

@@ -5,12 +5,12 @@ use std::sync::atomic::AtomicBool;
 use xavatar::avatar::{Animator, FixedTopology};
 use xavatar::body::BodyModel;
 use xavatar::config::Config;
-use xavatar::data::FrameSource;
-use xavatar::mannequin::BuiltInSubject;
+use xavatar::machine::Seconds;
+use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::train::{Trainer, TrainingFrames};
 
-use crate::report::{Report, Seconds};
-use crate::steps::{OneFrame, Timings};
+use crate::report::Report;
+use crate::steps::Timings;
 
 /// Enough for a surface of the right area.
 const TRAINING: [(&str, &str); 3] =
@@ -21,7 +21,7 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
     report.section("meshes of a fast avatar");
     let config = Config::preset_with("fast", &TRAINING.map(|(key, value)| (key.into(), value.into())))?;
     let subject = BuiltInSubject::new()?;
-    let (source, folder, mut timings) = (OneFrame::of(&subject)?, tempfile::tempdir()?, Timings::default());
+    let (source, folder, mut timings) = (subject.film(Split::Train, 1)?, tempfile::tempdir()?, Timings::default());
     let (model, labels) = (subject.model(), subject.part_labels());
     let mut trainer =
         Trainer::start(&config, TrainingFrames::Scans(&source), model, labels, folder.path(), &mut timings)?;
@@ -33,7 +33,7 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
         let seconds = Seconds::of(repeats, || drop(avatar.extract_canonical(&canonical, resolution)));
         report.seconds(&format!("extract_fast_{resolution}_s"), &seconds);
     }
-    let pose = source.read(0)?.parameters;
+    let pose = source.frames()[0].parameters.clone();
     let animator = Animator::new(&avatar, model, labels)?;
     animator.extract(&pose, 256)?;
     report.seconds("animate_fast_256_s", &Seconds::of(3, || drop(animator.extract(&pose, 256))));

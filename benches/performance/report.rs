@@ -1,42 +1,8 @@
-//! The rows of the table, and the timing they rest on.
+//! The rows of the table.
 
 use std::collections::BTreeMap;
-use std::time::Instant;
 
-/// Seconds of several runs.
-#[derive(Clone, Debug)]
-pub struct Seconds(Vec<f64>);
-
-impl Seconds {
-    /// Runs `work` once unmeasured, then `repeats` times.
-    pub fn of(repeats: usize, mut work: impl FnMut()) -> Self {
-        work();
-        let measured = (0..repeats).map(|_| {
-            let begin = Instant::now();
-            work();
-            begin.elapsed().as_secs_f64()
-        });
-        Self::from(measured.collect::<Vec<_>>())
-    }
-
-    /// The middle one.
-    pub fn median(&self) -> f64 {
-        self.0[self.0.len() / 2]
-    }
-
-    /// The shortest.
-    pub fn shortest(&self) -> f64 {
-        self.0[0]
-    }
-}
-
-impl From<Vec<f64>> for Seconds {
-    fn from(mut seconds: Vec<f64>) -> Self {
-        assert!(!seconds.is_empty(), "no run was measured");
-        seconds.sort_by(f64::total_cmp);
-        Self(seconds)
-    }
-}
+use xavatar::machine::Seconds;
 
 /// Row names and numbers, printed as they come.
 #[derive(Debug, Default)]

@@ -6,19 +6,24 @@ use std::collections::BTreeMap;
 use std::process::{Command, Stdio};
 use std::sync::atomic::AtomicBool;
 
-use xavatar::body::Gender;
 use xavatar::config::Config;
-use xavatar::data::{FrameId, FrameSource, ScanFrame};
+use xavatar::machine::Seconds;
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::train::{Event, Observer, Stage, Trainer, TrainingFrames};
 
-use crate::report::{Report, Seconds};
+use crate::report::Report;
 
 /// The environment variable that makes this program measure one case: its settings, as `key=value` joined by semicolons.
 pub const CASE: &str = "XAVATAR_PERFORMANCE_CASE";
 
 /// What every case starts from.
-const SETTINGS: &str = "optimiser.batch_frames=1;schedule.preview_steps=0;losses.colour_from_epoch=0";
+const SETTINGS: &str = "schedule.preview_steps=0;losses.colour_from_epoch=0";
+
+/// Frames a step, each of P = 6000: what the preset takes, so that a step's optimiser is shared as in training.
+const BATCHES: [(&str, &str, &str, f64); 2] = [
+    ("paper-scan", "paper_scan", "optimiser.batch_frames=1;schedule.pretraining_steps=10;schedule.steps=6", 1.0),
+    ("fast", "fast", "optimiser.batch_frames=2;schedule.pretraining_steps=40;schedule.steps=60", 2.0),
+];
 
 /// Settings of the cases that the first of paper-scan is compared with, and their threads where not all.
 const VARIANTS: [(&str, &str, Option<&str>); 6] = [
@@ -29,39 +34,6 @@ const VARIANTS: [(&str, &str, Option<&str>); 6] = [
     ("paper_scan_step_55_bones_s", "starts=\"all\"", None),
     ("paper_scan_step_1_thread_s", "", Some("1")),
 ];
-
-/// One frame of the built-in subject, again and again.
-pub struct OneFrame {
-    frame: ScanFrame,
-    ids: Vec<FrameId>,
-    betas: [f32; 10],
-}
-
-impl OneFrame {
-    /// The first frame of the training take.
-    pub fn of(subject: &BuiltInSubject) -> xavatar::Result<Self> {
-        let frame = subject.frame(Split::Train, 0, 1)?;
-        Ok(Self { ids: vec![frame.id.clone()], betas: subject.betas(), frame })
-    }
-}
-
-impl FrameSource for OneFrame {
-    fn ids(&self) -> &[FrameId] {
-        &self.ids
-    }
-
-    fn read(&self, _: usize) -> xavatar::Result<ScanFrame> {
-        Ok(self.frame.clone())
-    }
-
-    fn betas(&self) -> [f32; 10] {
-        self.betas
-    }
-
-    fn gender(&self) -> Gender {
-        Gender::Neutral
-    }
-}
 
 /// Seconds of each step on frames, in all (`step`) and by phase.
 #[derive(Default)]
@@ -90,7 +62,7 @@ pub fn child(case: &str) -> Result<(), Box<dyn std::error::Error>> {
     let (_, preset) = &settings[0];
     let config = Config::preset_with(preset, &settings[1..])?;
     let subject = BuiltInSubject::new()?;
-    let (source, folder, mut timings) = (OneFrame::of(&subject)?, tempfile::tempdir()?, Timings::default());
+    let (source, folder, mut timings) = (subject.film(Split::Train, 1)?, tempfile::tempdir()?, Timings::default());
     let (model, labels) = (subject.model(), subject.part_labels());
     let mut trainer =
         Trainer::start(&config, TrainingFrames::Scans(&source), model, labels, folder.path(), &mut timings)?;
@@ -129,12 +101,9 @@ fn run(
 /// Measures a step of each preset, then what changes the cost of a paper-scan step.
 pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
     // Pretrained a little: a body to search on, as any real step has.
-    for (preset, name, steps) in [
-        ("paper-scan", "paper_scan", "schedule.pretraining_steps=10;schedule.steps=6"),
-        ("fast", "fast", "schedule.pretraining_steps=40;schedule.steps=60"),
-    ] {
-        report.section(&format!("one step of {preset}, one frame, P = 6000"));
-        let mut measured = run(preset, steps, None)?;
+    for (preset, name, settings, frames) in BATCHES {
+        report.section(&format!("one step of {preset}, per frame, P = 6000"));
+        let mut measured = run(preset, settings, None)?;
         if let Some(peak) = measured.remove("peak_mib") {
             report.number(&format!("{name}_step_peak_mib"), peak[0], "MiB");
         }
@@ -146,15 +115,15 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
             );
         }
         let step = measured.remove("step").ok_or("no step was measured")?;
-        report.seconds(&format!("{name}_step_s"), &step.into());
+        let per_frame = |steps: Vec<f64>| Seconds::from(steps.iter().map(|step| step / frames).collect::<Vec<_>>());
+        report.seconds(&format!("{name}_step_s"), &per_frame(step));
         for (phase, seconds) in measured {
-            report.seconds(&format!("{name}_step_{phase}_s"), &seconds.into());
+            report.seconds(&format!("{name}_step_{phase}_s"), &per_frame(seconds));
         }
     }
     report.section("what changes the cost of a step of paper-scan");
     for (name, settings, threads) in VARIANTS {
-        let mut measured =
-            run("paper-scan", &format!("schedule.pretraining_steps=10;schedule.steps=3;{settings}"), threads)?;
+        let mut measured = run("paper-scan", &format!("{};schedule.steps=3;{settings}", BATCHES[0].2), threads)?;
         let step: Seconds = measured.remove("step").ok_or("no step was measured")?.into();
         report.seconds(name, &step);
     }

@@ -1,7 +1,7 @@
 //! One axis of a rectilinear grid: sorted coordinates, unevenly spaced, found again by a table in constant time.
 //!
 //! The table has a bin for every half of the smallest spacing, so that a bin holds one coordinate at most and a look-up
-//! is one load and one comparison. Metres.
+//! is one load of one record and one comparison. Metres.
 
 use xavatar_network::Real;
 
@@ -14,12 +14,22 @@ const MOST_BINS: usize = 1 << 16;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis<T> {
     nodes: Vec<T>,
-    /// Per cell: its lower coordinate and 1 / width.
-    cells: Vec<[T; 2]>,
-    /// Per bin: the cell that its lower end is in.
-    bins: Vec<u16>,
+    bins: Vec<Bin<T>>,
     /// Bins per metre.
     bin_density: T,
+}
+
+/// What a look-up needs of a bin: the cell that its lower end is in and the one after it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Bin<T> {
+    /// Where the second cell begins; infinite if there is none.
+    border: T,
+    /// The cells' lower coordinates.
+    starts: [T; 2],
+    /// 1 / width of the cells.
+    densities: [T; 2],
+    /// The first cell's number.
+    cell: u32,
 }
 
 /// Where a coordinate is on an axis.
@@ -55,16 +65,19 @@ impl<T: Real> Axis<T> {
         }
         let bin_density = T::of(2.0) / smallest;
         let last = nodes.len() - 2;
+        let density = |cell: usize| T::one() / (nodes[cell + 1] - nodes[cell]);
         let bins = (0..count).map(|bin| {
             let lower = lowest + T::of(bin as f64) / bin_density;
-            (nodes.partition_point(|&node| node <= lower).max(1) - 1).min(last) as u16
+            let cell = (nodes.partition_point(|&node| node <= lower).max(1) - 1).min(last);
+            let next = (cell + 1).min(last);
+            Bin {
+                border: if next > cell { nodes[next] } else { T::infinity() },
+                starts: [nodes[cell], nodes[next]],
+                densities: [density(cell), density(next)],
+                cell: cell as u32,
+            }
         });
-        Ok(Self {
-            bins: bins.collect(),
-            cells: nodes.windows(2).map(|pair| [pair[0], T::one() / (pair[1] - pair[0])]).collect(),
-            nodes,
-            bin_density,
-        })
+        Ok(Self { bins: bins.collect(), nodes, bin_density })
     }
 
     /// An axis of `count` coordinates from `lowest` to `highest`, both included.
@@ -115,19 +128,21 @@ impl<T: Real> Axis<T> {
     /// The cell that holds a coordinate, or the nearest one; a NaN is in the first.
     #[inline(always)]
     pub(crate) fn place(&self, value: T) -> Place<T> {
-        let from_lowest = (value - self.cells[0][0]).max(T::zero());
-        let bin = (from_lowest * self.bin_density).to_usize().unwrap_or(usize::MAX).min(self.bins.len() - 1);
-        let lower = usize::from(self.bins[bin]);
-        let next = (lower + 1).min(self.cells.len() - 1);
-        let cell = if value >= self.cells[next][0] { next } else { lower };
-        let [start, density] = self.cells[cell];
-        Place { cell, fraction: ((value - start) * density).max(T::zero()).min(T::one()) }
+        let from_lowest = (value - self.bins[0].starts[0]).max(T::zero());
+        // Truncation saturates: a coordinate far beyond the end is in the last bin.
+        let number = (from_lowest * self.bin_density).truncated() as usize;
+        let bin = &self.bins[number.min(self.bins.len() - 1)];
+        let is_second = value >= bin.border;
+        let start = if is_second { bin.starts[1] } else { bin.starts[0] };
+        let density = if is_second { bin.densities[1] } else { bin.densities[0] };
+        let fraction = ((value - start) * density).max(T::zero()).min(T::one());
+        Place { cell: bin.cell as usize + usize::from(is_second), fraction }
     }
 
     /// d fraction / d value in a cell, 1/m; zero beyond the axis' ends.
     pub(crate) fn slope(&self, cell: usize, value: T) -> T {
         let inside = value >= self.nodes[0] && value <= self.nodes[self.nodes.len() - 1];
-        if inside { self.cells[cell][1] } else { T::zero() }
+        if inside { T::one() / (self.nodes[cell + 1] - self.nodes[cell]) } else { T::zero() }
     }
 }
 

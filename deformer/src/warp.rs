@@ -16,7 +16,7 @@ pub trait Warp<T: Real>: Sync {
     type Workspace: Default + Send;
 
     /// How many points one call is best given: full matrix products for a network, small enough for the second-level cache.
-    const BATCH: usize = 256;
+    const BATCH: usize = 512;
 
     /// The frame's bone transforms, canonical to posed (J).
     fn bones(&self) -> &[BoneTransform<T>];

@@ -173,7 +173,7 @@ fn implicit_parameter_gradients_match() {
         deform_backward(&transforms, &bones, &roots, &lambda, &mut to_weights, &mut to_points).unwrap();
 
         let mut trace = Default::default();
-        field.weights(&mut trace, &roots, &mut vec![0.0; to_weights.len()]);
+        field.forward(&mut trace, &roots, &mut vec![0.0; to_weights.len()]);
         let mut folded = field.mlp().zero_gradient();
         field.backward(&mut trace, &to_weights, None, Backward::Parameters, &mut folded);
         let mut gradient = vec![0.0; field.mlp().layout().len()];

@@ -11,7 +11,8 @@ use crate::Real;
 /// Sharpness of the softplus.
 pub(crate) const SHARPNESS: f64 = 100.0;
 
-static ARCH: LazyLock<pulp::Arch> = LazyLock::new(pulp::Arch::new);
+/// The widest vector instructions of this machine.
+pub(crate) static ARCH: LazyLock<pulp::Arch> = LazyLock::new(pulp::Arch::new);
 
 /// Runs `pass` compiled for the widest vector instructions of this machine. `pass` must inline.
 #[inline(always)]
@@ -49,15 +50,21 @@ fn ln_one_plus(e: f32) -> f32 {
     e * fourth.mul_add(e2, third).mul_add(e2, second).mul_add(e2, first)
 }
 
+/// softplus(z) and e = exp(-beta |z|).
 #[inline(always)]
-fn softplus_f32(z: f32) -> (f32, f32) {
+fn softplus_and_decay(z: f32) -> (f32, f32) {
     // Beyond this, e^2 would be a subnormal number, slow on many processors; ln(1 + exp(-43)) / beta is 2e-21.
     const FLOOR: f32 = -43.0;
     let exponent = -SHARPNESS as f32 * z.abs();
     let e = exp_of_negative(if exponent < FLOOR { FLOOR } else { exponent });
     // Comparisons that let a NaN through, as in `exp_of_negative`.
     let rectified = if z < 0.0 { 0.0 } else { z };
-    let value = ln_one_plus(e).mul_add(1.0 / SHARPNESS as f32, rectified);
+    (ln_one_plus(e).mul_add(1.0 / SHARPNESS as f32, rectified), e)
+}
+
+#[inline(always)]
+fn softplus_f32(z: f32) -> (f32, f32) {
+    let (value, e) = softplus_and_decay(z);
     let reciprocal = 1.0 / (1.0 + e);
     (value, if z > 0.0 { reciprocal } else { e * reciprocal })
 }
@@ -66,6 +73,8 @@ fn softplus_f32(z: f32) -> (f32, f32) {
 pub trait Elementwise: Sized {
     /// softplus(z) and its slope.
     fn softplus(z: Self) -> (Self, Self);
+    /// softplus(z) alone.
+    fn softplus_value(z: Self) -> Self;
     /// exp(x) for x <= 0.
     fn exp_negative(x: Self) -> Self;
 }
@@ -74,6 +83,10 @@ impl Elementwise for f32 {
     #[inline(always)]
     fn softplus(z: Self) -> (Self, Self) {
         softplus_f32(z)
+    }
+    #[inline(always)]
+    fn softplus_value(z: Self) -> Self {
+        softplus_and_decay(z).0
     }
     #[inline(always)]
     fn exp_negative(x: Self) -> Self {
@@ -92,6 +105,10 @@ impl Elementwise for f64 {
         (z.max(0.0) + e.ln_1p() / SHARPNESS, if z > 0.0 { 1.0 / (1.0 + e) } else { e / (1.0 + e) })
     }
     #[inline(always)]
+    fn softplus_value(z: Self) -> Self {
+        Self::softplus(z).0
+    }
+    #[inline(always)]
     fn exp_negative(x: Self) -> Self {
         x.exp()
     }
@@ -106,6 +123,20 @@ pub(crate) fn softplus_rows<T: Real>(values: &mut [T], stride: usize, bias: &[T]
             for (row, slope_row) in values.chunks_mut(stride).zip(slopes.chunks_exact_mut(width)) {
                 for ((value, slope), bias) in row[..width].iter_mut().zip(slope_row).zip(bias) {
                     (*value, *slope) = T::softplus(*value + *bias);
+                }
+            }
+        },
+    );
+}
+
+/// As [`softplus_rows`], without the slopes.
+pub(crate) fn softplus_value_rows<T: Real>(values: &mut [T], stride: usize, bias: &[T]) {
+    vectorised(
+        #[inline(always)]
+        || {
+            for row in values.chunks_mut(stride) {
+                for (value, bias) in row.iter_mut().zip(bias) {
+                    *value = T::softplus_value(*value + *bias);
                 }
             }
         },
@@ -260,6 +291,9 @@ mod tests {
         let mut values = start.clone();
         let mut slopes = vec![0.0; 5 * 37];
         softplus_rows(&mut values, 40, &bias, &mut slopes);
+        let mut alone = start.clone();
+        softplus_value_rows(&mut alone, 40, &bias);
+        assert_eq!(alone, values);
         for row in 0..5 {
             for column in 0..37 {
                 let (value, slope) = softplus_f32(start[row * 40 + column] + bias[column]);

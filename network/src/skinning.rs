@@ -126,8 +126,33 @@ impl<T: Real> SkinningField<T> {
         &self.tree
     }
 
+    /// [`SkinningWeights::weights`] that [`SkinningField::backward`] may follow.
+    pub fn forward(&self, trace: &mut SkinningTrace<T>, points: &[[T; 3]], weights: &mut [T]) {
+        if !points.is_empty() {
+            self.mlp.forward(&mut trace.mlp, points.as_flattened(), &[], &[]);
+            self.softmax(trace, points.len(), weights);
+        }
+    }
+
+    /// The weights (N, J) of the logits in `trace`.
+    fn softmax(&self, trace: &mut SkinningTrace<T>, rows: usize, weights: &mut [T]) {
+        let SkinningTrace { mlp, lanes, .. } = trace;
+        lanes.resize(&self.tree);
+        let (output, joints) = (mlp.output(), self.tree.joints());
+        vectorised(
+            #[inline(always)]
+            || {
+                for first in (0..rows).step_by(LANES) {
+                    self.gather_logits(output, 0, first, rows, &mut lanes.logits);
+                    self.tree.weights(&lanes.logits, &mut lanes.flow, &mut lanes.weights);
+                    scatter(&lanes.weights, joints, first, rows, weights);
+                }
+            },
+        );
+    }
+
     /// Adds the parameters' gradient for cotangents of the weights (N, J) and, after
-    /// [`SkinningWeights::weights_and_gradients`], of their derivatives (N, 3, J).
+    /// [`SkinningWeights::weights_and_gradients`], of their derivatives (N, 3, J). Follows that or [`SkinningField::forward`].
     pub fn backward(
         &self,
         trace: &mut SkinningTrace<T>,
@@ -226,23 +251,10 @@ impl<T: Real> SkinningWeights<T> for SkinningField<T> {
     }
 
     fn weights(&self, trace: &mut SkinningTrace<T>, points: &[[T; 3]], weights: &mut [T]) {
-        if points.is_empty() {
-            return;
+        if !points.is_empty() {
+            self.mlp.evaluate(&mut trace.mlp, points.as_flattened(), &[], &[]);
+            self.softmax(trace, points.len(), weights);
         }
-        self.mlp.forward(&mut trace.mlp, points.as_flattened(), &[], &[]);
-        let SkinningTrace { mlp, lanes, .. } = trace;
-        lanes.resize(&self.tree);
-        let (output, joints) = (mlp.output(), self.tree.joints());
-        vectorised(
-            #[inline(always)]
-            || {
-                for first in (0..points.len()).step_by(LANES) {
-                    self.gather_logits(output, 0, first, points.len(), &mut lanes.logits);
-                    self.tree.weights(&lanes.logits, &mut lanes.flow, &mut lanes.weights);
-                    scatter(&lanes.weights, joints, first, points.len(), weights);
-                }
-            },
-        );
     }
 
     fn weights_and_gradients(

@@ -6,6 +6,7 @@
 mod animator;
 mod fixed_topology;
 mod official;
+mod query;
 mod shading;
 
 use std::collections::HashMap;
@@ -18,6 +19,7 @@ use xavatar_network::{Representation, Trace};
 pub use self::animator::Animator;
 pub use self::fixed_topology::FixedTopology;
 pub use self::official::OfficialMeta;
+pub use self::query::Sample;
 
 use self::shading::{Posing, shade};
 use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels};
@@ -188,7 +190,7 @@ impl Avatar {
         let evaluate = |points: &[Vec3], values: &mut [f32]| {
             let mut trace = Trace::default();
             for (values, points) in values.chunks_mut(BLOCK_ROWS).zip(points.chunks(BLOCK_ROWS)) {
-                network.forward(&mut trace, arrays(points).as_flattened(), &embedded, &[]);
+                network.evaluate(&mut trace, arrays(points).as_flattened(), &embedded, &[]);
                 values.copy_from_slice(trace.output());
             }
         };

@@ -172,7 +172,7 @@ impl Networks {
         Ok(())
     }
 
-    /// The configuration of `paper-scan` with the extents of these networks.
+    /// The configuration of the paper for scans or RGB-D, with the extents of these networks.
     fn configuration(&self, representation: Representation) -> Result<Config> {
         let geometry = self.extents("geometry")?;
         let texture = self.extents("texture")?;
@@ -191,11 +191,11 @@ impl Networks {
             ));
         }
         let encoded = |extents: &Extents, condition: usize| extents.inputs.checked_sub(condition);
-        let mut config = Config::preset("paper-scan")?;
+        let mut config = Config::preset(match representation {
+            Representation::Occupancy => "paper-scan",
+            Representation::SignedDistance => "paper-rgbd",
+        })?;
         config.fields.representation = representation;
-        if representation == Representation::SignedDistance {
-            (config.losses.occupancy, config.losses.distance) = (0.0, 1.0);
-        }
         config.fields.geometry = GeometryShape {
             depth: geometry.depth,
             width: geometry.width,

@@ -39,12 +39,26 @@ pub(super) fn shade(
     canonical: &[[f32; 3]],
     mesh: &mut TriangleMesh,
 ) -> Result<()> {
+    let shades = shades(fields, embedded, posing, canonical, &mesh.vertices)?;
+    mesh.normals = Some(shades.iter().map(|(normal, _)| *normal).collect());
+    mesh.colouring = Colouring::Vertex(shades.into_iter().map(|(_, colour)| colour).collect());
+    Ok(())
+}
+
+/// Normals and colours at points (V), whose canonical points are `canonical` (V) or near them.
+pub(super) fn shades(
+    fields: &Fields<f32>,
+    embedded: &[f32],
+    posing: &Posing,
+    canonical: &[[f32; 3]],
+    points: &[Vec3],
+) -> Result<Vec<(Vec3, [u8; 3])>> {
     let warp = match posing {
         Posing::Canonical => None,
         Posing::Deformed(warp) => Some(*warp),
     };
     let mut shades = vec![(Vec3::ZERO, [0u8; 3]); canonical.len()];
-    let blocks = canonical.par_chunks(BLOCK_ROWS).zip(mesh.vertices.par_chunks(BLOCK_ROWS));
+    let blocks = canonical.par_chunks(BLOCK_ROWS).zip(points.par_chunks(BLOCK_ROWS));
     shades.par_chunks_mut(BLOCK_ROWS).zip(blocks).try_for_each_init(
         Shader::default,
         |shader, (shades, (guesses, targets))| {
@@ -52,9 +66,7 @@ pub(super) fn shade(
             shader.shade(fields, embedded, shades)
         },
     )?;
-    mesh.normals = Some(shades.iter().map(|(normal, _)| *normal).collect());
-    mesh.colouring = Colouring::Vertex(shades.into_iter().map(|(_, colour)| colour).collect());
-    Ok(())
+    Ok(shades)
 }
 
 /// One thread's memory while it shades vertices.

@@ -1,20 +1,25 @@
 //! `xavatar check`: reads a subject before it is trained, and says what would go wrong.
 
-use std::fmt;
+use std::fmt::{self, Formatter};
 use std::sync::Mutex;
 
-use xavatar::data::{CheckReport, check};
+use serde::Serialize;
+use xavatar::data::{
+    CheckReport, DistanceReport, RgbdCheckReport, RgbdSubject, SequenceReport, Subject, UnusableFrame, check,
+    check_rgbd,
+};
 
 use super::Outcome;
-use super::inputs::SubjectArguments;
+use super::inputs::{SubjectArguments, load_body};
 use super::json::JsonArgument;
 use super::progress::Progress;
 
-/// Report what would go wrong in training: frames, sizes, distances, conventions
+/// Report what would go wrong in training: frames, sizes, units, distances, conventions
+///
+/// Looks at the scans and at the RGB-D frames, whichever there are.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Example:\n  xavatar check data/00016 --body models/smplx\n\nExits with 1 if training would fail."
-)]
+#[command(after_help = "Example:\n  xavatar check data/00016 --body models/smplx\n\n\
+    Exits with 1 if training would fail: from scans if there are any, else from RGB-D frames.")]
 pub struct Check {
     #[command(flatten)]
     subject: SubjectArguments,
@@ -22,71 +27,155 @@ pub struct Check {
     json: JsonArgument,
 }
 
+/// What was found of each kind of frames.
+#[derive(Serialize)]
+struct Report {
+    #[serde(flatten)]
+    scans: Option<CheckReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rgbd: Option<RgbdCheckReport>,
+}
+
 impl Check {
     pub fn run(self) -> anyhow::Result<Outcome> {
         self.json.check()?;
+        let has_pictures = RgbdSubject::is_in(&self.subject.data);
+        let has_scans = || {
+            let subject = Subject::open(&self.subject.data);
+            subject.is_ok_and(|subject| subject.train.iter().chain(&subject.test).any(|files| files.scan.is_file()))
+        };
+        let scans = if !has_pictures || has_scans() { Some(self.check_scans()?) } else { None };
+        let rgbd = if has_pictures { Some(self.check_rgbd()?) } else { None };
+        let report = Report { scans, rgbd };
+        self.json.print(&report, &report)?;
+        Ok(if report.is_fit() { Outcome::Done } else { Outcome::Unfit })
+    }
+
+    fn check_scans(&self) -> anyhow::Result<CheckReport> {
         let opened = self.subject.open()?;
         let total = opened.subject.train.len() + opened.subject.test.len();
-        let progress = Mutex::new((0, Progress::new()));
-        let report = check(&opened.subject, &opened.body, &opened.labels, &|| {
-            if let Ok(mut shown) = progress.lock() {
-                shown.0 += 1;
-                let done = shown.0;
-                shown.1.show("frames", done as f64 / total as f64, &format!("{done} of {total} read"));
-            }
-        })?;
-        if let Ok((_, progress)) = progress.into_inner() {
-            progress.finish();
-        }
-        self.json.print(&report, &Table(&report))?;
-        Ok(if report.problems.is_empty() { Outcome::Done } else { Outcome::Unfit })
+        with_progress("scans", total, |done| check(&opened.subject, &opened.body, &opened.labels, done))
+    }
+
+    fn check_rgbd(&self) -> anyhow::Result<RgbdCheckReport> {
+        let subject = RgbdSubject::open(&self.subject.data)?;
+        let (body, labels) = load_body(&self.subject.body, subject.gender)?;
+        let total = subject.train.len() + subject.test.len();
+        with_progress("pictures", total, |done| check_rgbd(&subject, &body, &labels, done))
     }
 }
 
-/// The report in lines to read.
-struct Table<'a>(&'a CheckReport);
-
-impl fmt::Display for Table<'_> {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let report = self.0;
-        writeln!(formatter, "subject            {}, {:.2} m", report.gender, report.body_height)?;
-        writeln!(formatter, "part labels        {}", report.part_labels)?;
-        for sequence in &report.sequences {
-            let name = format!("{}/{}", sequence.split, sequence.sequence);
-            let unusable = match sequence.unusable {
-                0 => String::new(),
-                unusable => format!(", {unusable} unusable"),
-            };
-            writeln!(formatter, "{name:<18} {} frames{unusable}", sequence.frames)?;
+impl Report {
+    /// Whether what `train` would choose can be trained on.
+    fn is_fit(&self) -> bool {
+        match (&self.scans, &self.rgbd) {
+            (Some(scans), _) => scans.problems.is_empty(),
+            (None, Some(rgbd)) => rgbd.problems.is_empty(),
+            (None, None) => true,
         }
-        writeln!(
-            formatter,
-            "measured           {} frames, {} watertight",
-            report.measured_frames, report.watertight_scans
-        )?;
-        if let Some(ratio) = report.scan_to_body_height {
-            writeln!(formatter, "scan : body height {ratio:.3} ({})", report.scan_unit.unwrap_or("of no known unit"))?;
-        }
-        if let Some(hands) = report.hands {
-            writeln!(
-                formatter,
-                "hands to scan      {:.1} mm as offsets from the mean hand, {:.1} mm as absolute rotations",
-                hands.relative_to_mean_mm, hands.flat_mm
-            )?;
-        }
-        writeln!(formatter, "scan to body       {:>10} {:>10}", "median", "95 %")?;
-        for (part, distance) in &report.distances {
-            writeln!(formatter, "  {part:<16} {:>7.1} mm {:>7.1} mm", distance.median_mm, distance.percentile_95_mm)?;
-        }
-        for frame in &report.unusable {
-            writeln!(formatter, "unusable: {}: {}", frame.frame, frame.reason)?;
-        }
-        for warning in &report.warnings {
-            writeln!(formatter, "warning: {warning}")?;
-        }
-        for problem in &report.problems {
-            writeln!(formatter, "problem: {problem}")?;
-        }
-        writeln!(formatter, "{}", if report.problems.is_empty() { "ready to train" } else { "not ready to train" })
     }
+}
+
+/// Runs a check that says when each of `total` frames is done.
+fn with_progress<T>(
+    name: &'static str,
+    total: usize,
+    run: impl FnOnce(&(dyn Fn() + Sync)) -> xavatar::Result<T>,
+) -> anyhow::Result<T> {
+    let progress = Mutex::new((0, Progress::new()));
+    let report = run(&|| {
+        if let Ok(mut shown) = progress.lock() {
+            shown.0 += 1;
+            let done = shown.0;
+            shown.1.show(name, done as f64 / total as f64, &format!("{done} of {total} read"));
+        }
+    })?;
+    if let Ok((_, progress)) = progress.into_inner() {
+        progress.finish();
+    }
+    Ok(report)
+}
+
+/// The report in lines to read.
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.scans.iter().try_for_each(|report| write_scans(f, report))?;
+        self.rgbd.iter().try_for_each(|report| write_rgbd(f, report))
+    }
+}
+
+fn write_scans(f: &mut Formatter<'_>, report: &CheckReport) -> fmt::Result {
+    writeln!(f, "subject            {}, {:.2} m", report.gender, report.body_height)?;
+    writeln!(f, "part labels        {}", report.part_labels)?;
+    write_sequences(f, &report.sequences)?;
+    writeln!(f, "measured           {} frames, {} watertight", report.measured_frames, report.watertight_scans)?;
+    if let Some(ratio) = report.scan_to_body_height {
+        writeln!(f, "scan : body height {ratio:.3} ({})", report.scan_unit.unwrap_or("of no known unit"))?;
+    }
+    if let Some(hands) = report.hands {
+        writeln!(
+            f,
+            "hands to scan      {:.1} mm as offsets from the mean hand, {:.1} mm as absolute rotations",
+            hands.relative_to_mean_mm, hands.flat_mm
+        )?;
+    }
+    write_distances(f, "scan to body", report.distances.iter())?;
+    write_verdict(f, "ready to train", &report.unusable, &report.warnings, &report.problems)
+}
+
+fn write_rgbd(f: &mut Formatter<'_>, report: &RgbdCheckReport) -> fmt::Result {
+    writeln!(f, "RGB-D of           {}, {:.2} m", report.gender, report.body_height)?;
+    writeln!(f, "part labels        {}", report.part_labels)?;
+    write_sequences(f, &report.sequences)?;
+    if let Some(points) = report.points {
+        writeln!(f, "measured           {} frames of about {points} points", report.measured_frames)?;
+    }
+    if let Some(ratio) = report.depth_to_body {
+        writeln!(f, "depth : body       {ratio:.3}")?;
+    }
+    write_distances(f, "points to vertices", report.distances.iter())?;
+    write_verdict(f, "ready to train from RGB-D", &report.unusable, &report.warnings, &report.problems)
+}
+
+fn write_sequences(f: &mut Formatter<'_>, sequences: &[SequenceReport]) -> fmt::Result {
+    for sequence in sequences {
+        let name = format!("{}/{}", sequence.split, sequence.sequence);
+        let unusable = match sequence.unusable {
+            0 => String::new(),
+            unusable => format!(", {unusable} unusable"),
+        };
+        writeln!(f, "{name:<18} {} frames{unusable}", sequence.frames)?;
+    }
+    Ok(())
+}
+
+fn write_distances<'a>(
+    f: &mut Formatter<'_>,
+    name: &str,
+    distances: impl Iterator<Item = (&'a &'static str, &'a DistanceReport)>,
+) -> fmt::Result {
+    writeln!(f, "{name:<18} {:>10} {:>10}", "median", "95 %")?;
+    for (part, distance) in distances {
+        writeln!(f, "  {part:<16} {:>7.1} mm {:>7.1} mm", distance.median_mm, distance.percentile_95_mm)?;
+    }
+    Ok(())
+}
+
+fn write_verdict(
+    f: &mut Formatter<'_>,
+    ready: &str,
+    unusable: &[UnusableFrame],
+    warnings: &[String],
+    problems: &[String],
+) -> fmt::Result {
+    for frame in unusable {
+        writeln!(f, "unusable: {}: {}", frame.frame, frame.reason)?;
+    }
+    for warning in warnings {
+        writeln!(f, "warning: {warning}")?;
+    }
+    for problem in problems {
+        writeln!(f, "problem: {problem}")?;
+    }
+    writeln!(f, "{}{ready}", if problems.is_empty() { "" } else { "not " })
 }

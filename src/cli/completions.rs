@@ -1,11 +1,9 @@
 //! `xavatar completions`: the script that lets a shell complete verbs and options.
 
-use std::io::Write;
-
 use clap::Command;
 use clap_complete::{Shell, generate};
 
-use super::Outcome;
+use super::{Outcome, outputs};
 
 /// Print a script that completes verbs and options in your shell
 #[derive(clap::Args)]
@@ -24,7 +22,7 @@ impl Completions {
         let mut script = Vec::new();
         let name = command.get_name().to_owned();
         generate(self.shell, command, name, &mut script);
-        std::io::stdout().write_all(&script)?;
+        outputs::print(&String::from_utf8(script)?)?;
         Ok(Outcome::Done)
     }
 }

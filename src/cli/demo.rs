@@ -3,22 +3,23 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{BodyModel, Gender};
 use xavatar::config::Config;
 use xavatar::data::{ScanFrame, write_npz, write_pickle, write_subject};
 use xavatar::evaluate::Evaluation;
+use xavatar::filming::{FilmedScans, Turntable};
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::mesh::{TriangleMesh, write_ply};
 use xavatar::render::write_png;
+use xavatar::report::{Fact, REPORT_FILE, Report, machine};
 use xavatar::train::{Ending, Trainer, TrainingFrames};
 
-use super::filmed::{Filmed, FilmedInDepth};
 use super::gallery::{Gallery, sheet_of_pictures};
 use super::json::JsonArgument;
 use super::progress::Progress;
-use super::{Outcome, outputs, stop};
+use super::{Outcome, outputs, report, stop};
 
 /// Train an avatar of a built-in subject, with no data, and show it in poses it has never seen
 #[derive(clap::Args)]
@@ -52,8 +53,8 @@ struct Size {
     resolution: usize,
     /// Points per surface that are measured.
     samples: usize,
-    /// Columns and rows of one picture, pixels.
-    picture: (u32, u32),
+    /// Rows of one picture, pixels.
+    picture: u32,
     /// Columns and rows of what the RGB-D camera takes, pixels.
     filmed: [u32; 2],
     /// What differs from the preset.
@@ -65,7 +66,7 @@ const FULL: Size = Size {
     unseen_frames: 5,
     resolution: 224,
     samples: Evaluation::SAMPLES,
-    picture: (300, 500),
+    picture: 520,
     filmed: [800, 1200],
     settings: &[],
 };
@@ -75,7 +76,7 @@ const SMOKE: Size = Size {
     unseen_frames: 1,
     resolution: 64,
     samples: 2000,
-    picture: (120, 200),
+    picture: 200,
     filmed: [200, 300],
     settings: &[
         ("schedule.steps", "12"),
@@ -94,8 +95,9 @@ impl Demo {
         self.json.check()?;
         let resumes = self.resumes()?;
         let subject = BuiltInSubject::new()?;
-        let scans = Filmed::new(&subject, Split::Train, size.training_frames)?;
-        let pictures = if self.rgbd { Some(FilmedInDepth::new(&scans, size.filmed)?) } else { None };
+        let scans = subject.film(Split::Train, size.training_frames)?;
+        let table = Turntable { size: size.filmed, steps_per_turn: size.training_frames as u32 };
+        let pictures = if self.rgbd { Some(FilmedScans::new(&scans, table)?) } else { None };
         let frames = match &pictures {
             Some(pictures) => TrainingFrames::Rgbd(pictures),
             None => TrainingFrames::Scans(&scans),
@@ -113,7 +115,7 @@ impl Demo {
         let begin = if resumes { Trainer::resume } else { Trainer::start };
         let mut trainer = begin(&config, frames, body, labels, &self.out, &mut progress)?;
         if let Some(pictures) = &pictures {
-            write_png(self.out.join("pictures.png"), &sheet_of_pictures(&pictures.frames, size.picture)?)?;
+            write_png(self.out.join("pictures.png"), &sheet_of_pictures(pictures, size.picture)?)?;
         }
         let trained = trainer.run(stop, &mut progress)?;
         let shown = match trained {
@@ -162,26 +164,26 @@ impl Demo {
     ) -> anyhow::Result<Ending> {
         let meshes = self.out.join("meshes");
         outputs::existing_folder(&meshes)?;
-        let unseen = Filmed::new(subject, Split::Test, size.unseen_frames)?;
+        let unseen = subject.film(Split::Test, size.unseen_frames)?;
         let animator = Animator::new(avatar, subject.model(), subject.part_labels())?;
         let mut gallery = Gallery::new(size.picture);
         let mut posed: Vec<TriangleMesh> = Vec::new();
-        for (index, frame) in unseen.frames.iter().enumerate() {
+        for (index, frame) in unseen.frames().iter().enumerate() {
             if stop.load(Ordering::Relaxed) {
                 return Ok(Ending::Stopped);
             }
-            let share = index as f64 / (unseen.frames.len() + 1) as f64;
+            let share = index as f64 / (unseen.frames().len() + 1) as f64;
             progress.show("meshes", share, &format!("unseen pose {}", index + 1));
             let mesh = animator.extract(&frame.parameters, size.resolution)?.mesh;
             write_ply(meshes.join(format!("unseen-f{:05}.ply", frame.id.number)), &mesh)?;
-            gallery.add_pose(&frame.scan, &mesh)?;
+            gallery.add_pose(&frame.scan, &mesh);
             posed.push(mesh);
         }
         let canonical = BodyModel::canonical_parameters(&subject.betas());
         let canonical = avatar.extract_canonical(&canonical, size.resolution)?.mesh;
         write_ply(meshes.join("canonical.ply"), &canonical)?;
         let picture = self.out.join("demo.png");
-        gallery.write(&canonical, &picture)?;
+        let sheet = gallery.write(&canonical, &picture)?;
 
         progress.show("metrics", 0.0, "measuring");
         let evaluation = Evaluation {
@@ -193,19 +195,38 @@ impl Demo {
         };
         // Frames of one take are numbered from 1 in order.
         let predict = |frame: &ScanFrame| Ok(posed[frame.id.number as usize - 1].clone());
-        let report = evaluation.run(unseen.frames.iter().cloned().map(Ok), predict, |_| {})?;
+        let measured = evaluation.run(unseen.frames().iter().cloned().map(Ok), predict, |_| {})?;
         progress.finish();
-        outputs::write_json(&self.metrics_file(), &report)?;
+        let shown = report::best_and_worst(&measured, |name| {
+            let frame = unseen.frames().iter().find(|frame| frame.id.to_string() == name);
+            let frame = frame.context("a frame that was just measured is gone")?;
+            Ok((frame.clone(), predict(frame)?))
+        })?;
+        let page = self.out.join(REPORT_FILE);
+        Report {
+            title: report::title(&self.out),
+            command: report::command_line(),
+            avatar,
+            rig: report::dancing_rig(avatar, subject.model())?.as_ref(),
+            run: Some(&self.out),
+            evaluation: Some((&measured, "in poses that were not trained on".into())),
+            frames: shown,
+            pictures: vec![sheet],
+            facts: [vec![Fact::new("Data", "the built-in subject")], machine()].concat(),
+        }
+        .write(&page)?;
+        outputs::write_json(&self.metrics_file(), &measured)?;
         let table = format!(
-            "{} poses that were not trained on, against the subject's own surface\n{report}\
-             pictures {}\nmeshes   {}\nmetrics  {}\navatar   {}",
+            "{} poses that were not trained on, against the subject's own surface\n{measured}\
+             report   {}\npictures {}\nmeshes   {}\nmetrics  {}\navatar   {}",
             posed.len(),
+            page.display(),
             picture.display(),
             meshes.display(),
             self.metrics_file().display(),
             self.out.join(Avatar::FILE).display()
         );
-        self.json.print(&report, &table)?;
+        self.json.print(&measured, &table)?;
         Ok(Ending::Finished)
     }
 }

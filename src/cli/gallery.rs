@@ -6,69 +6,78 @@ use glam::Vec3;
 use image::imageops::{FilterType, resize};
 use image::{Rgb, RgbImage};
 use xavatar::Result;
-use xavatar::data::RgbdFrame;
+use xavatar::data::{RgbdFrame, RgbdSource};
 use xavatar::mesh::TriangleMesh;
-use xavatar::render::{Camera, FRONT, THREE_QUARTER, Tile, View, contact_sheet, render_mesh, write_png};
+use xavatar::render::{FRONT, Scene, THREE_QUARTER, Tile, View, contact_sheet, framing_row, write_png};
 
-/// Pictures of one size, collected into a sheet.
+/// Meshes that are pictured on one sheet, all at the same scale.
 pub struct Gallery {
-    size: (u32, u32),
-    subject: Vec<Tile>,
-    avatar: Vec<Tile>,
-    shape: Vec<Tile>,
+    height: u32,
+    /// The subject and its avatar in each pose.
+    poses: Vec<(TriangleMesh, TriangleMesh)>,
 }
 
 impl Gallery {
-    /// For pictures of `size` columns and rows, pixels.
-    pub fn new(size: (u32, u32)) -> Self {
-        Self { size, subject: Vec::new(), avatar: Vec::new(), shape: Vec::new() }
+    /// For pictures of `height` rows, pixels.
+    pub fn new(height: u32) -> Self {
+        Self { height, poses: Vec::new() }
     }
 
-    /// Puts an avatar's posed mesh below the scan that it should look like, seen by the same camera.
-    pub fn add_pose(&mut self, scan: &TriangleMesh, mesh: &TriangleMesh) -> Result<()> {
-        let camera = self.camera(scan, THREE_QUARTER)?;
-        let pose = self.subject.len() + 1;
-        self.subject.push(Tile::new(render_mesh(scan, &camera, View::Colour)?, format!("subject, pose {pose}")));
-        self.avatar.push(Tile::new(render_mesh(mesh, &camera, View::Colour)?, format!("avatar, pose {pose}")));
-        self.shape.push(Tile::new(render_mesh(mesh, &camera, View::Shaded)?, "its shape"));
-        Ok(())
+    /// Puts an avatar's posed mesh below the scan that it should look like.
+    pub fn add_pose(&mut self, scan: &TriangleMesh, mesh: &TriangleMesh) {
+        self.poses.push((scan.clone(), mesh.clone()));
     }
 
-    /// Writes the sheet, the canonical pose beside the others.
-    pub fn write(mut self, canonical: &TriangleMesh, path: &Path) -> Result<()> {
-        let camera = self.camera(canonical, FRONT)?;
+    /// Writes the sheet, the canonical pose beside the others, and returns it.
+    pub fn write(self, canonical: &TriangleMesh, path: &Path) -> Result<RgbImage> {
+        let scans: Vec<&[Vec3]> = self.poses.iter().map(|(scan, _)| scan.vertices.as_slice()).collect();
+        let cameras = framing_row(&scans, THREE_QUARTER, self.height)?;
+        let [mut subject, mut avatar, mut shape] = [Vec::new(), Vec::new(), Vec::new()];
+        for ((scan, mesh), camera) in self.poses.iter().zip(cameras) {
+            subject.push(Tile::new(lit(scan)?.render(&camera, View::Colour)?, "subject"));
+            let scene = lit(mesh)?;
+            avatar.push(Tile::new(scene.render(&camera, View::Colour)?, "avatar"));
+            shape.push(Tile::new(scene.render(&camera, View::Shaded)?, "its shape"));
+        }
+        let camera = framing_row(&[&canonical.vertices], FRONT, self.height)?[0];
+        let scene = lit(canonical)?;
         let columns = [
-            (&mut self.subject, View::Normals, "canonical normals"),
-            (&mut self.avatar, View::Colour, "canonical"),
-            (&mut self.shape, View::Shaded, "its shape"),
+            (&mut subject, View::Normals, "canonical normals"),
+            (&mut avatar, View::Colour, "canonical avatar"),
+            (&mut shape, View::Shaded, "canonical shape"),
         ];
         for (row, view, label) in columns {
-            row.push(Tile::new(render_mesh(canonical, &camera, view)?, label));
+            row.push(Tile::new(scene.render(&camera, view)?, label));
         }
-        write_png(path, &contact_sheet(&[self.subject, self.avatar, self.shape])?)
+        let sheet = contact_sheet(&[subject, avatar, shape])?;
+        write_png(path, &sheet)?;
+        Ok(sheet)
     }
+}
 
-    fn camera(&self, mesh: &TriangleMesh, azimuth: f32) -> Result<Camera> {
-        let minimum = mesh.vertices.iter().copied().fold(Vec3::MAX, Vec3::min);
-        let maximum = mesh.vertices.iter().copied().fold(Vec3::MIN, Vec3::max);
-        Camera::framing(minimum, maximum, azimuth, self.size.0, self.size.1)
-    }
+/// On the floor that it stands on.
+fn lit(mesh: &TriangleMesh) -> Result<Scene<'_>> {
+    let floor = mesh.vertices.iter().map(|vertex| vertex.y).fold(f32::MAX, f32::min);
+    Scene::new(mesh)?.with_ambient_occlusion(Some(floor))
 }
 
 /// Pictures of the RGB-D camera to show.
 const SHOWN: usize = 6;
 
 /// What the RGB-D camera took: colours above depths, evenly spread over the take.
-pub fn sheet_of_pictures(frames: &[RgbdFrame], size: (u32, u32)) -> Result<RgbImage> {
-    let shown = frames.iter().step_by(frames.len().div_ceil(SHOWN).max(1));
+pub fn sheet_of_pictures(source: &dyn RgbdSource, height: u32) -> Result<RgbImage> {
+    let count = source.ids().len();
+    let shown: Result<Vec<_>> =
+        (0..count).step_by(count.div_ceil(SHOWN).max(1)).map(|index| source.read(index)).collect();
     let scaled = |picture: &RgbImage| {
-        let width = (picture.width() * size.1 / picture.height().max(1)).max(1);
-        resize(picture, width, size.1, FilterType::Triangle)
+        let width = (picture.width() * height / picture.height().max(1)).max(1);
+        resize(picture, width, height, FilterType::Triangle)
     };
-    let (colours, depths) = shown
+    let (colours, depths) = shown?
+        .iter()
         .map(|frame| {
             let depth = depth_picture(frame);
-            (Tile::new(scaled(&frame.colour), frame.id.to_string()), Tile::new(scaled(&depth), "its depth"))
+            (Tile::new(scaled(&frame.colour), "picture"), Tile::new(scaled(&depth), "its depth"))
         })
         .unzip();
     contact_sheet(&[colours, depths])

@@ -10,7 +10,7 @@ use xavatar::data::{FrameFiles, FrameId, FrameSource, ScanFrame, Subject, read_f
 /// A subject's folder and its body model.
 #[derive(clap::Args)]
 pub struct SubjectArguments {
-    /// The subject's folder, in the X-Humans layout
+    /// The subject's folder, in the X-Humans layout or with a rgbd.toml
     #[arg(value_name = "DATA")]
     pub data: PathBuf,
     /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl (the subject's gender.txt chooses)
@@ -27,6 +27,13 @@ pub enum Split {
 }
 
 impl Split {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Train => "training",
+            Self::Test => "test",
+        }
+    }
+
     pub fn files(self, subject: &Subject) -> &[FrameFiles] {
         match self {
             Self::Train => &subject.train,
@@ -74,6 +81,12 @@ impl SubjectFrames {
             betas: subject.betas,
             gender: subject.gender,
         }
+    }
+
+    /// The frame of this name (`split/sequence/number`), if there is one.
+    pub fn named(&self, name: &str) -> Option<xavatar::Result<ScanFrame>> {
+        let index = self.ids.iter().position(|id| id.to_string() == name)?;
+        Some(self.read(index))
     }
 
     /// How many there are.

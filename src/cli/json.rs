@@ -24,9 +24,9 @@ impl JsonArgument {
     /// Prints a result as asked: as a table, as JSON, or the one on stdout and the other in a file.
     pub fn print(&self, result: &impl Serialize, table: &impl Display) -> anyhow::Result<()> {
         if self.is_stdout() {
-            println!("{}", serde_json::to_string_pretty(result)?);
+            outputs::print(&(serde_json::to_string_pretty(result)? + "\n"))?;
         } else {
-            println!("{}", table.to_string().trim_end());
+            outputs::print(&format!("{}\n", table.to_string().trim_end()))?;
         }
         self.file().map_or(Ok(()), |file| outputs::write_json(file, result))
     }

@@ -7,14 +7,16 @@
 
 mod ablate;
 mod animate;
+mod captured;
 mod check;
 mod completions;
 mod convert;
 mod demo;
+mod doctor;
 mod eval;
 mod export;
 mod extract;
-mod filmed;
+mod fuse;
 mod gallery;
 mod info;
 mod inputs;
@@ -23,10 +25,15 @@ mod measured_run;
 mod messages;
 mod motion;
 mod outputs;
+mod pointcloud;
 mod progress;
+mod render;
+mod render_rgbd;
+mod report;
 mod stop;
 mod train;
 mod training;
+mod view;
 
 use std::process::ExitCode;
 
@@ -60,11 +67,18 @@ enum Verb {
     Train(train::Train),
     Eval(eval::Eval),
     Ablate(ablate::Ablate),
+    Fuse(fuse::Fuse),
     Extract(extract::Extract),
     Animate(animate::Animate),
+    Render(render::Render),
     Export(export::Export),
     Convert(convert::Convert),
     Info(info::Info),
+    Doctor(doctor::Doctor),
+    #[command(name = "pointcloud")]
+    PointCloud(pointcloud::PointCloudOf),
+    View(view::View),
+    RenderRgbd(render_rgbd::RenderRgbd),
     Completions(completions::Completions),
 }
 
@@ -119,11 +133,17 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Train(verb) => verb.run(),
         Verb::Eval(verb) => verb.run(),
         Verb::Ablate(verb) => verb.run(),
+        Verb::Fuse(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),
         Verb::Animate(verb) => verb.run(),
+        Verb::Render(verb) => verb.run(),
         Verb::Export(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
+        Verb::Doctor(verb) => verb.run(),
+        Verb::PointCloud(verb) => verb.run(),
+        Verb::View(verb) => verb.run(),
+        Verb::RenderRgbd(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }
 }

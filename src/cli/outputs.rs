@@ -38,6 +38,14 @@ pub fn new_file(path: &Path) -> anyhow::Result<()> {
     }
 }
 
+/// Prints a result that may be long; a reader that has seen enough, such as `head`, is no error.
+pub fn print(text: &str) -> anyhow::Result<()> {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("stdout"),
+    }
+}
+
 /// Writes JSON for scripts.
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> anyhow::Result<()> {
     write_text(path, &(serde_json::to_string_pretty(value)? + "\n"))

@@ -1,22 +1,25 @@
-//! `xavatar train`: from a subject's scans to an avatar, in a run folder that can be resumed.
+//! `xavatar train`: from a subject's scans or RGB-D frames to an avatar, in a run folder that can be resumed.
 
 use std::path::PathBuf;
 
 use anyhow::bail;
 use xavatar::avatar::Avatar;
 use xavatar::config::Config;
-use xavatar::train::{Ending, Trainer, TrainingFrames};
+use xavatar::report::{REPORT_FILE, Report, machine};
+use xavatar::train::{Ending, Trainer};
 
-use super::inputs::{SubjectArguments, SubjectFrames};
+use super::captured::{Captured, Kind};
+use super::inputs::SubjectArguments;
 use super::progress::Progress;
 use super::training::TrainingArguments;
-use super::{Outcome, WrongUsage, outputs, stop};
+use super::{Outcome, WrongUsage, outputs, report, stop};
 
-/// Train an avatar from a subject's scans
+/// Train an avatar from a subject's scans, or from the pictures of an RGB-D camera
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     xavatar train data/00016 --body models/smplx --out runs/00016 --minutes 30\n  \
     xavatar train data/00016 --body models/smplx --out runs/00016 --resume\n  \
+    xavatar train data/00016 --body models/smplx --from rgbd --out runs/rgbd --minutes 10\n  \
     xavatar train data/00016 --body models/smplx --out runs/slow --set optimiser.learning_rate=3e-4\n\n\
     Ctrl-C stops after the step, saves, and says how to go on.")]
 pub struct Train {
@@ -25,6 +28,9 @@ pub struct Train {
     /// The run's folder: new or empty, unless it is resumed
     #[arg(long, value_name = "RUN")]
     out: PathBuf,
+    /// What to learn from [default: scans; RGB-D where there are no scans]
+    #[arg(long, value_enum, value_name = "KIND")]
+    from: Option<Kind>,
     #[command(flatten)]
     training: TrainingArguments,
     /// Go on with the run in RUN from its newest checkpoint
@@ -34,15 +40,20 @@ pub struct Train {
 
 impl Train {
     pub fn run(self) -> anyhow::Result<Outcome> {
-        let config = if self.resume { self.configuration_of_run()? } else { self.new_configuration()? };
-        let opened = self.subject.open()?;
-        let frames = SubjectFrames::new(&opened.subject, &opened.subject.train);
+        let (config, kind) = if self.resume {
+            let config = self.configuration_of_run()?;
+            let kind = Kind::of_run(&config);
+            (config, kind)
+        } else {
+            let kind = Kind::of(&self.subject, self.from);
+            (self.new_configuration(kind)?, kind)
+        };
+        let opened = Captured::open(&self.subject, kind)?;
         let stop = stop::on_interrupt()?;
         let mut progress = Progress::new();
         log::info!("part labels: {}", opened.labels.source);
         let begin = if self.resume { Trainer::resume } else { Trainer::start };
-        let mut trainer =
-            begin(&config, TrainingFrames::Scans(&frames), &opened.body, &opened.labels, &self.out, &mut progress)?;
+        let mut trainer = begin(&config, opened.frames(), &opened.body, &opened.labels, &self.out, &mut progress)?;
         let ending = trainer.run(stop, &mut progress)?;
         progress.finish();
         let (data, body, out) = (self.subject.data.display(), self.subject.body.display(), self.out.display());
@@ -51,6 +62,7 @@ impl Train {
             return Ok(Outcome::Stopped);
         }
         println!("{}", self.out.join(Avatar::FILE).display());
+        log::info!("report: {}", self.write_report(&trainer.avatar(), &opened)?.display());
         log::info!(
             "try next\n  xavatar eval {out} {data} --body {body} --split test --baseline smplx+d\n  \
              xavatar extract {out} --out canonical.ply\n  \
@@ -59,8 +71,27 @@ impl Train {
         Ok(Outcome::Done)
     }
 
-    fn new_configuration(&self) -> anyhow::Result<Config> {
-        let config = Config::preset_with(self.training.preset(), &self.training.settings()).map_err(WrongUsage)?;
+    fn write_report(&self, avatar: &Avatar, opened: &Captured) -> anyhow::Result<PathBuf> {
+        let path = self.out.join(REPORT_FILE);
+        let rig = report::dancing_rig(avatar, &opened.body)?;
+        Report {
+            title: report::title(&self.out),
+            command: report::command_line(),
+            avatar,
+            rig: rig.as_ref(),
+            run: Some(&self.out),
+            evaluation: None,
+            frames: Vec::new(),
+            pictures: Vec::new(),
+            facts: [report::data_facts(&self.subject, &opened.body, &opened.labels), machine()].concat(),
+        }
+        .write(&path)?;
+        Ok(path)
+    }
+
+    fn new_configuration(&self, kind: Kind) -> anyhow::Result<Config> {
+        let preset = kind.preset(self.training.preset());
+        let config = Config::preset_with(preset, &self.training.settings()).map_err(WrongUsage)?;
         if !outputs::is_new_or_empty(&self.out)? {
             bail!(
                 "{}: the folder is not empty; give a new --out, or --resume to go on with the run in it",
@@ -73,7 +104,12 @@ impl Train {
     /// The run's own. Settings other than those that it was started with are refused: they would have no effect.
     fn configuration_of_run(&self) -> anyhow::Result<Config> {
         let run = Trainer::configuration(&self.out)?;
-        if let Some(preset) = self.training.preset.as_ref().filter(|preset| **preset != run.preset) {
+        let kind = Kind::of_run(&run);
+        if self.from.is_some_and(|from| from != kind) {
+            bail!("{}: the run was started from other frames; leave --from away to resume it", self.out.display());
+        }
+        let named = self.training.preset.as_deref().map(|preset| kind.preset(preset));
+        if let Some(preset) = named.filter(|preset| *preset != run.preset) {
             bail!("{}: the run has the preset {}, not {preset}", self.out.display(), run.preset);
         }
         let asked = Config::preset_with(&run.preset, &self.training.settings()).map_err(WrongUsage)?;

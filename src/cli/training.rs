@@ -3,7 +3,7 @@
 /// What a run is trained with.
 #[derive(clap::Args)]
 pub struct TrainingArguments {
-    /// Networks and constants to start from: fast, demo, paper-scan [default: fast]
+    /// Networks and constants to start from: fast, demo, paper-scan, paper-rgbd [default: fast]
     #[arg(long, value_name = "P")]
     pub preset: Option<String>,
     /// Wall time of a whole run, preparation included, instead of a number of steps

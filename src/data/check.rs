@@ -11,7 +11,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{FrameFiles, ScanFrame, Subject, read_frame};
+use super::{FrameFiles, FrameId, ScanFrame, Subject, read_frame};
 use crate::Result;
 use crate::body::{BodyModel, BodyParameters, HandPose, Part, PartLabels};
 use crate::mesh::{SurfaceIndex, Topology};
@@ -28,7 +28,8 @@ const UNRELATED: f32 = 100.0;
 /// Heights of people, metres.
 const PLAUSIBLE_HEIGHT: std::ops::RangeInclusive<f32> = 0.5..=2.5;
 /// Units by how many of them a metre has.
-const UNITS: [(&str, f32); 4] = [("metres", 1.0), ("inches", 39.37), ("centimetres", 100.0), ("millimetres", 1000.0)];
+pub(super) const UNITS: [(&str, f32); 4] =
+    [("metres", 1.0), ("inches", 39.37), ("centimetres", 100.0), ("millimetres", 1000.0)];
 
 /// What [`check`] found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -133,25 +134,9 @@ pub fn check(
         })
         .collect();
 
-    let mut sequences: Vec<SequenceReport> = Vec::new();
-    let mut unusable = Vec::new();
-    let mut measured = Vec::new();
-    for (files, frame) in files.iter().zip(frames) {
-        let id = &files.id;
-        let (split, sequence) = (id.split.clone(), id.sequence.clone());
-        if sequences.last().is_none_or(|last| (&last.split, &last.sequence) != (&split, &sequence)) {
-            sequences.push(SequenceReport { split, sequence, frames: 0, unusable: 0 });
-        }
-        let counts = sequences.len() - 1;
-        sequences[counts].frames += 1;
-        match frame {
-            Ok(measurement) => measured.extend(measurement),
-            Err(error) => {
-                sequences[counts].unusable += 1;
-                unusable.push(UnusableFrame { frame: id.to_string(), reason: reason(&error) });
-            }
-        }
-    }
+    let reasons = frames.iter().map(|frame| frame.as_ref().err().map(reason));
+    let (sequences, unusable) = count_sequences(files.iter().map(|files| &files.id).zip(reasons));
+    let measured: Vec<Measurement> = frames.into_iter().filter_map(|frame| frame.ok().flatten()).collect();
 
     let heights: Vec<f32> = measured.iter().map(|frame| frame.scan_to_body_height).collect();
     let scan_to_body_height = percentile(heights, 0.5);
@@ -161,7 +146,7 @@ pub fn check(
         part_labels: labels.source.to_string(),
         sequences,
         measured_frames: measured.len(),
-        distances: distances(&measured),
+        distances: distances_by_part(measured.iter().flat_map(|frame| frame.to_body.iter().copied())),
         watertight_scans: measured.iter().filter(|frame| frame.topology.is_watertight()).count(),
         most_open_edges: measured.iter().map(|frame| frame.topology.open_edges).max().unwrap_or(0),
         hands: hands(&measured),
@@ -225,24 +210,45 @@ fn with_flat_hands(parameters: &BodyParameters) -> BodyParameters {
 }
 
 /// About `count` items at even strides.
-fn strided<T>(items: &[T], count: usize) -> impl Iterator<Item = &T> {
+pub(super) fn strided<T>(items: &[T], count: usize) -> impl Iterator<Item = &T> {
     items.iter().step_by(items.len().div_ceil(count).max(1))
 }
 
-fn height(vertices: &[Vec3]) -> f32 {
+pub(super) fn height(vertices: &[Vec3]) -> f32 {
     let range = vertices.iter().fold((f32::MAX, f32::MIN), |(low, high), v| (low.min(v.y), high.max(v.y)));
     range.1 - range.0
 }
 
-fn distances(measured: &[Measurement]) -> BTreeMap<&'static str, DistanceReport> {
+/// The frames of each sequence, of ids in order with the reason why a frame cannot be used, and the frames that cannot.
+pub(super) fn count_sequences<'a>(
+    frames: impl Iterator<Item = (&'a FrameId, Option<String>)>,
+) -> (Vec<SequenceReport>, Vec<UnusableFrame>) {
+    let mut sequences: Vec<SequenceReport> = Vec::new();
+    let mut unusable = Vec::new();
+    for (id, reason) in frames {
+        let (split, sequence) = (id.split.clone(), id.sequence.clone());
+        if sequences.last().is_none_or(|last| (&last.split, &last.sequence) != (&split, &sequence)) {
+            sequences.push(SequenceReport { split, sequence, frames: 0, unusable: 0 });
+        }
+        let counts = sequences.len() - 1;
+        sequences[counts].frames += 1;
+        if let Some(reason) = reason {
+            sequences[counts].unusable += 1;
+            unusable.push(UnusableFrame { frame: id.to_string(), reason });
+        }
+    }
+    (sequences, unusable)
+}
+
+/// Distances (millimetres) of points by their part, and of all.
+pub(super) fn distances_by_part(
+    points: impl Iterator<Item = (Part, f32)> + Clone,
+) -> BTreeMap<&'static str, DistanceReport> {
     let names =
         [("body", Part::Body), ("face", Part::Face), ("left hand", Part::LeftHand), ("right hand", Part::RightHand)];
     let report = |part: Option<Part>| {
-        let of_part = |frame: &Measurement| {
-            let points = frame.to_body.iter().filter(|(found, _)| part.is_none_or(|part| *found == part));
-            points.map(|(_, distance)| *distance).collect::<Vec<_>>()
-        };
-        let values: Vec<f32> = measured.iter().flat_map(of_part).collect();
+        let of_part = points.clone().filter(|(found, _)| part.is_none_or(|part| *found == part));
+        let values: Vec<f32> = of_part.map(|(_, distance)| distance).collect();
         let percentile_95_mm = percentile(values.clone(), 0.95)?;
         Some(DistanceReport { median_mm: percentile(values, 0.5)?, percentile_95_mm })
     };
@@ -330,14 +336,14 @@ fn judge(report: &mut CheckReport) {
 }
 
 /// The value below which `share` of the values are; none of no values.
-fn percentile(mut values: Vec<f32>, share: f32) -> Option<f32> {
+pub(super) fn percentile(mut values: Vec<f32>, share: f32) -> Option<f32> {
     let last = values.len().checked_sub(1)?;
     let place = (share * last as f32).round() as usize;
     Some(*values.select_nth_unstable_by(place, f32::total_cmp).1)
 }
 
 /// The error without the frame's name, which stands beside it.
-fn reason(error: &crate::Error) -> String {
+pub(super) fn reason(error: &crate::Error) -> String {
     match error {
         crate::Error::Frame { source, .. } => reason(source),
         other => other.to_string(),

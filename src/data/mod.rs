@@ -23,7 +23,11 @@ pub use motion::{
 pub use npy::read_npy;
 pub use npz::{read_npz, write_npz};
 pub use pickle::{Value, read_pickle, read_pickle_arrays, write_pickle};
-pub use rgbd::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdFrame, RgbdSource};
+pub use rgbd::{
+    BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,
+    RgbdFrame, RgbdFrames, RgbdLayout, RgbdSource, RgbdSubject, check_rgbd, read_depth, write_depth,
+    write_rgbd_subject,
+};
 pub use torch::read_torch;
 pub use xhumans::{Subject, read_frame, write_subject};
 

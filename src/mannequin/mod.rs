@@ -5,6 +5,7 @@
 
 mod clothing;
 mod directions;
+mod filmed;
 mod flesh;
 mod model;
 mod motion;
@@ -15,6 +16,8 @@ mod surface;
 use std::path::Path;
 
 use glam::Vec3;
+
+pub use self::filmed::FilmedTake;
 
 use self::clothing::DressedSurface;
 use self::flesh::Flesh;

@@ -32,6 +32,7 @@ pub(super) enum Contents {
 
 impl Node {
     /// What node number `index` holds.
+    #[inline(always)]
     pub(super) fn contents(&self, index: usize) -> Contents {
         let start = self.start as usize;
         if self.count == 0 {
@@ -42,6 +43,7 @@ impl Node {
     }
 
     /// Squared distance from a point to the box, square metres.
+    #[inline(always)]
     pub(super) fn distance_squared(&self, point: Vec3) -> f32 {
         (self.minimum - point).max(point - self.maximum).max(Vec3::ZERO).length_squared()
     }

@@ -7,13 +7,11 @@ use std::io::Cursor;
 use std::path::{Component, Path, PathBuf};
 
 use glam::{Vec2, Vec3};
-use image::{ImageFormat, ImageReader, Limits, RgbImage};
+use image::{ImageFormat, RgbImage};
 
 use crate::atomic_file::write_atomically;
+use crate::picture_file::read_picture;
 use crate::{Error, Result};
-
-/// Largest width or height read, pixels: a hostile header cannot ask for more memory than 1 GiB.
-const LARGEST_SIDE: u32 = 16_384;
 
 /// The colour at `uv` (clamped to [0, 1]^2) in [0, 1] per channel, bilinear between texel centres (i + 0.5) / n.
 pub(super) fn sample_bilinear(image: &RgbImage, uv: Vec2) -> Vec3 {
@@ -47,20 +45,7 @@ pub(super) fn read_referenced_texture(
             path,
         });
     }
-    let mut reader =
-        ImageReader::open(&path).map_err(Error::io(&path))?.with_guessed_format().map_err(Error::io(&path))?;
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(LARGEST_SIDE);
-    limits.max_image_height = Some(LARGEST_SIDE);
-    limits.max_alloc = Some(1 << 30);
-    reader.limits(limits);
-    let image = reader.decode().map_err(|e| Error::Malformed {
-        path: path.clone(),
-        format: "image",
-        place: "the file".into(),
-        found: e.to_string(),
-        expected: "a PNG or JPEG".into(),
-    })?;
+    let image = read_picture(&path)?;
     Ok(image::imageops::flip_vertical(&image.into_rgb8()))
 }
 

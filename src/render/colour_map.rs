@@ -37,10 +37,14 @@ const HEAT: [[u8; 3]; 11] = [
 pub const NAMED_COLOURS: [[u8; 3]; 7] =
     [[0, 114, 178], [213, 94, 0], [0, 158, 115], [204, 121, 167], [230, 159, 0], [86, 180, 233], [0, 0, 0]];
 
-/// Of body, face, left and right hand.
-const PART_COLOURS: [[u8; 3]; 4] = [[86, 180, 233], [230, 159, 0], [0, 158, 115], [204, 121, 167]];
-/// Of eyes and mouth.
-const EYES_MOUTH_COLOUR: [u8; 3] = [213, 94, 0];
+/// The parts of the body, and eyes and mouth, with their colours.
+pub const PART_NAMES: [(&str, [u8; 3]); 5] = [
+    ("body", [86, 180, 233]),
+    ("face", [230, 159, 0]),
+    ("left hand", [0, 158, 115]),
+    ("right hand", [204, 121, 167]),
+    ("eyes, mouth", [213, 94, 0]),
+];
 
 impl ColourMap {
     /// The colour of a value; below 0 and above 1 that of the end, of NaN grey.
@@ -69,13 +73,13 @@ pub(super) fn linear_colour(map: ColourMap, value: f32) -> Vec3 {
 #[must_use]
 pub fn part_colours(labels: &PartLabels) -> Vec<[u8; 3]> {
     let of_part = |part: Part| match part {
-        Part::Body => PART_COLOURS[0],
-        Part::Face => PART_COLOURS[1],
-        Part::LeftHand => PART_COLOURS[2],
-        Part::RightHand => PART_COLOURS[3],
+        Part::Body => PART_NAMES[0].1,
+        Part::Face => PART_NAMES[1].1,
+        Part::LeftHand => PART_NAMES[2].1,
+        Part::RightHand => PART_NAMES[3].1,
     };
     let labels = labels.parts.iter().zip(&labels.eyes_mouth);
-    labels.map(|(part, eyes_mouth)| if *eyes_mouth { EYES_MOUTH_COLOUR } else { of_part(*part) }).collect()
+    labels.map(|(part, eyes_mouth)| if *eyes_mouth { PART_NAMES[4].1 } else { of_part(*part) }).collect()
 }
 
 /// The colours of joints (J), far apart between a joint and its parent.

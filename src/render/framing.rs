@@ -1,6 +1,6 @@
 //! Where the camera stands for a picture: level with the subject, just far enough away that all of it is seen.
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 
 use crate::camera::PinholeCamera;
 use crate::{Error, Result};
@@ -49,6 +49,56 @@ impl PinholeCamera {
             .fold(0.0, f32::max);
         Self::looking_at(target + direction * distance, target, FIELD_OF_VIEW, [width, height])
     }
+
+    /// The camera after it has gone around the vertical line through `centre` by `angle`, radians, towards the subject's left.
+    #[must_use]
+    pub fn gone_around(self, centre: Vec3, angle: f32) -> Self {
+        let turn = Mat3::from_rotation_y(-angle);
+        let translation = self.rotation * (centre - turn * centre) + self.translation;
+        Self { rotation: self.rotation * turn, translation, ..self }
+    }
+}
+
+/// Cameras for pictures that stand in a row: all bodies at one scale and on one line, each picture as wide as its body needs, all of
+/// them `height` pixels high. Seen from `azimuth`, as in [`PinholeCamera::framing`].
+///
+/// # Errors
+/// [`Error::Value`] if a body has no points, or none that is finite.
+pub fn framing_row(bodies: &[&[Vec3]], azimuth: f32, height: u32) -> Result<Vec<PinholeCamera>> {
+    let direction = Vec3::new(azimuth.sin(), 0.0, azimuth.cos());
+    let right = Vec3::new(direction.z, 0.0, -direction.x);
+    // Low and high corner of each along right, up and towards the camera.
+    let extents: Vec<[Vec3; 2]> = bodies
+        .iter()
+        .map(|points| {
+            points.iter().fold([Vec3::MAX, Vec3::MIN], |[low, high], point| {
+                let place = Vec3::new(point.dot(right), point.y, point.dot(direction));
+                [low.min(place), high.max(place)]
+            })
+        })
+        .collect();
+    let sizes = extents.iter().map(|[low, high]| *high - *low);
+    let largest = sizes.fold(Vec3::ZERO, Vec3::max);
+    if bodies.is_empty()
+        || !(largest.y > 0.0 && largest.is_finite() && extents.as_flattened().iter().all(|p| p.is_finite()))
+    {
+        return Err(Error::Value {
+            name: "bodies to be framed".into(),
+            found: format!("{} of extent {largest}", bodies.len()),
+            expected: "at least one, each with finite points and a height".into(),
+        });
+    }
+    let tangent = (FIELD_OF_VIEW / 2.0).tan();
+    let distance = largest.y * MARGIN / 2.0 / tangent + largest.z / 2.0;
+    let pixels_per_metre = height as f32 / (2.0 * tangent * (distance - largest.z / 2.0));
+    let room = largest.y * (MARGIN - 1.0);
+    let camera = |[low, high]: &[Vec3; 2]| {
+        let middle = (*low + *high) / 2.0;
+        let target = right * middle.x + direction * middle.z + Vec3::Y * (low.y + largest.y / 2.0);
+        let width = ((high.x - low.x + room) * pixels_per_metre).ceil() as u32;
+        PinholeCamera::looking_at(target + direction * distance, target, FIELD_OF_VIEW, [width.max(1), height])
+    };
+    extents.iter().map(camera).collect()
 }
 
 /// Checks what pictures need beyond [`PinholeCamera::check`].
@@ -98,6 +148,38 @@ mod tests {
             }
             assert!((0.85..1.0).contains(&fill), "azimuth {azimuth}: corners reach {fill} of the half picture");
         }
+    }
+
+    #[test]
+    fn a_row_has_one_scale_and_one_ground_and_cuts_nothing() {
+        let corners = |low: Vec3, high: Vec3| -> Vec<Vec3> {
+            (0..8)
+                .map(|corner| Vec3::from_array(std::array::from_fn(|axis| [low, high][corner >> axis & 1][axis])))
+                .collect()
+        };
+        let tall = corners(Vec3::new(-0.2, 0.0, -0.1), Vec3::new(0.2, 1.9, 0.2));
+        let wide = corners(Vec3::new(2.0, -1.0, 0.0), Vec3::new(3.8, 0.1, 0.3));
+        let cameras = framing_row(&[&tall, &wide], THREE_QUARTER, 400).unwrap();
+        assert!(cameras[1].width > 2 * cameras[0].width && cameras.iter().all(|camera| camera.height == 400));
+        let mut lowest = Vec::new();
+        for (camera, body) in cameras.iter().zip([&tall, &wide]) {
+            assert_eq!(camera.fy, cameras[0].fy);
+            let places: Vec<Vec2> = body.iter().map(|point| camera.project(*point).0).collect();
+            let size = Vec2::new(camera.width as f32, camera.height as f32);
+            assert!(places.iter().all(|place| place.cmpgt(Vec2::ZERO).all() && place.cmplt(size).all()), "{places:?}");
+            lowest.push(places.iter().map(|place| place.y).fold(0.0, f32::max));
+        }
+        assert!((lowest[0] - lowest[1]).abs() < 8.0, "{lowest:?}");
+        assert!(framing_row(&[], FRONT, 100).is_err() && framing_row(&[&[]], FRONT, 100).is_err());
+    }
+
+    #[test]
+    fn a_camera_that_has_gone_around_sees_the_centre_from_the_other_side() {
+        let centre = Vec3::new(0.3, 1.0, -0.2);
+        let camera = PinholeCamera::looking_at(centre + 3.0 * Vec3::Z, centre, 0.5, [90, 90]).unwrap();
+        let quarter = camera.gone_around(centre, std::f32::consts::FRAC_PI_2);
+        assert!(quarter.position().abs_diff_eq(centre + 3.0 * Vec3::X, 1e-5), "{}", quarter.position());
+        assert!(quarter.project(centre).0.abs_diff_eq(camera.project(centre).0, 1e-3));
     }
 
     #[test]

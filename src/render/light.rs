@@ -1,4 +1,4 @@
-//! The studio: a key light, a fill light and a soft ambient on a near-white background; and sRGB.
+//! The studio: a key light, a fill light and a soft ambient; and sRGB.
 //!
 //! Lights are fixed to the camera, so a turntable keeps its look. Light adds up linearly; pictures and colours are sRGB.
 
@@ -6,15 +6,13 @@ use std::sync::LazyLock;
 
 use glam::Vec3;
 
-/// Background at the top and at the bottom of a picture, linear.
-const BACKGROUND: [f32; 2] = [1.0, 0.83];
 /// Towards the key light (from the upper left, in front of the subject), camera space, and its strength.
 const KEY: (Vec3, f32) = (Vec3::new(-0.56, -0.62, -0.55), 0.92);
 /// Towards the fill light (from the right), and its strength.
 const FILL: (Vec3, f32) = (Vec3::new(0.86, -0.05, -0.51), 0.16);
 /// How far lamps reach around a limb: 0 is Lambert's point light, 0.5 leaves only the opposite point dark.
 const WRAP: f32 = 0.25;
-/// Share of a lamp's light that a point which sees nothing of the sky loses.
+/// Share of a lamp's light that a point which sees nothing of the sky loses: lamps are near and large, not the whole sky.
 const LAMP_OCCLUSION: f32 = 0.7;
 /// Ambient light from below and from above.
 const AMBIENT: [f32; 2] = [0.08, 0.24];
@@ -29,17 +27,12 @@ pub(super) fn illumination(normal: Vec3, openness: f32) -> f32 {
         let facing = (WRAP + (1.0 - WRAP) * normal.dot(direction)).max(0.0);
         strength * facing * facing.sqrt()
     };
-    ambient * openness + (lamp(KEY) + lamp(FILL)) * softly_open(openness)
+    ambient * openness + (lamp(KEY) + lamp(FILL)) * softly_open(openness, LAMP_OCCLUSION)
 }
 
-/// What large, near lamps leave of their light where only a share of the sky is seen: they are not the whole sky.
-pub(super) fn softly_open(openness: f32) -> f32 {
-    1.0 - LAMP_OCCLUSION * (1.0 - openness)
-}
-
-/// The background at this height of a picture, 0 at the top and 1 at the bottom; linear.
-pub(super) fn background(height: f32) -> Vec3 {
-    Vec3::splat(BACKGROUND[0] + height * (BACKGROUND[1] - BACKGROUND[0]))
+/// What is left of a light that loses the share `strength` where nothing of the sky is seen.
+pub(super) fn softly_open(openness: f32, strength: f32) -> f32 {
+    1.0 - strength * (1.0 - openness)
 }
 
 /// The linear intensity of an sRGB value, both in [0, 1].

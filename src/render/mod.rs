@@ -4,7 +4,9 @@
 
 mod colour_map;
 mod film;
+mod floor;
 mod framing;
+mod legend;
 mod light;
 mod occlusion;
 mod plot;
@@ -16,9 +18,10 @@ mod sheet;
 mod text;
 
 pub use crate::camera::PinholeCamera as Camera;
-pub use colour_map::{ColourMap, NAMED_COLOURS, joint_colours, part_colours, weight_colours};
+pub use colour_map::{ColourMap, NAMED_COLOURS, PART_NAMES, joint_colours, part_colours, weight_colours};
 pub use film::{Film, FilmFormat};
-pub use framing::{FRONT, THREE_QUARTER};
+pub use framing::{FRONT, THREE_QUARTER, framing_row};
+pub use legend::{draw_names, draw_scale};
 pub use plot::{Plot, Series};
 pub use png::write_png;
 pub use rgbd::{RgbdImage, render_depth, render_rgbd};

@@ -1,7 +1,7 @@
-//! Ambient occlusion: how open the surface is to the light of an even sky, o(x) = sum_d (n.d)+ v(x, d) / sum_d (n.d)+.
+//! Ambient occlusion: how open a place is to the light of an even sky, o(x) = sum_d (n.d)+ v(x, d) / sum_d (n.d)+.
 //!
-//! v says whether a vertex is seen from direction d, by a depth image from there: 64 directions over the whole sphere, so about
-//! half of them count at a vertex. It does not depend on the camera, so a turntable pays once. V vertices; metres.
+//! v says whether a place is seen from direction d, by a depth image from there: 64 directions over the whole sphere, so about
+//! half of them count at a place. It does not depend on the camera, so a turntable pays once. V vertices; metres.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -17,48 +17,69 @@ const DIRECTIONS: usize = 64;
 const SIDE: u32 = 448;
 /// Distance of the cameras, in radii of the mesh: rays are within 3 degrees of parallel.
 const DISTANCE: f32 = 20.0;
-/// How far from its vertex, along the normal, the light is asked for, in pixels of the depth images.
+/// How far from its place, along the normal, the light is asked for, in pixels of the depth images.
 const LIFT: f32 = 1.5;
-/// How much deeper than the image a point may lie and still be seen, in pixels of the depth images.
+/// How much deeper than the image a place may lie and still be seen, in pixels of the depth images.
 const SLACK: f32 = 1.0;
 /// Times that a vertex takes the mean with its neighbours: what is left of the images' pixels goes.
 const SMOOTHINGS: usize = 2;
 
-/// A depth image, and what it is of.
+/// A mesh's shadows, as the depth images of all directions.
+pub(super) struct Sky {
+    shadows: Vec<Shadow>,
+    /// Side of the depth images' pixels, metres.
+    pixel: f32,
+}
+
+/// What a direction sees.
 struct Shadow {
+    direction: Vec3,
     camera: PinholeCamera,
     depth: Vec<f32>,
 }
 
-/// The openness of each vertex (V), from 0 (in a crease) to 1 (on a convex body); 1 for an empty mesh's none.
-pub(super) fn openness(mesh: &TriangleMesh, normals: &[Vec3]) -> Result<Vec<f32>> {
-    let low = mesh.vertices.iter().copied().fold(Vec3::MAX, Vec3::min);
-    let high = mesh.vertices.iter().copied().fold(Vec3::MIN, Vec3::max);
-    let (centre, radius) = ((low + high) / 2.0, low.distance(high) / 2.0);
-    // Bodies without an extent have no creases.
-    if !(radius.is_finite() && radius > 1e-3) {
-        return Ok(vec![1.0; mesh.vertices.len()]);
+impl Sky {
+    /// Draws the depth images; none of a mesh without an extent, which casts no shadow.
+    pub fn over(mesh: &TriangleMesh) -> Result<Self> {
+        let low = mesh.vertices.iter().copied().fold(Vec3::MAX, Vec3::min);
+        let high = mesh.vertices.iter().copied().fold(Vec3::MIN, Vec3::max);
+        let (centre, radius) = ((low + high) / 2.0, low.distance(high) / 2.0);
+        if !(radius.is_finite() && radius > 1e-3) {
+            return Ok(Self { shadows: Vec::new(), pixel: 0.0 });
+        }
+        let shadow = |index| {
+            let direction = direction(index);
+            let opening = 2.0 * (1.02 / DISTANCE).asin();
+            let position = centre + direction * radius * DISTANCE;
+            let camera = PinholeCamera::looking_at(position, centre, opening, [SIDE, SIDE])?;
+            Ok(Shadow { direction, camera, depth: render_depth(mesh, &camera)? })
+        };
+        let shadows = (0..DIRECTIONS).map(shadow).collect::<Result<_>>()?;
+        Ok(Self { shadows, pixel: 2.0 * radius / SIDE as f32 })
     }
-    let pixel = 2.0 * radius / SIDE as f32;
-    let mut sums = vec![Vec2::ZERO; mesh.vertices.len()];
-    for index in 0..DIRECTIONS {
-        let direction = direction(index);
-        let opening = 2.0 * (1.02 / DISTANCE).asin();
-        let position = centre + direction * radius * DISTANCE;
-        let camera = PinholeCamera::looking_at(position, centre, opening, [SIDE, SIDE])?;
-        let shadow = Shadow { camera, depth: render_depth(mesh, &camera)? };
-        sums.par_iter_mut().zip(mesh.vertices.par_iter().zip(normals)).for_each(|(sum, (vertex, normal))| {
-            let share = normal.dot(direction);
-            if share > 0.0 {
-                *sum += share * Vec2::new(shadow.lit_share(*vertex + *normal * LIFT * pixel, SLACK * pixel), 1.0);
+
+    /// The openness of places with unit normals, from 0 (in a crease) to 1 (nothing near).
+    pub fn openness(&self, places: &[Vec3], normals: &[Vec3]) -> Vec<f32> {
+        let lift = LIFT * self.pixel;
+        let openness = |(place, normal): (&Vec3, &Vec3)| {
+            let (mut seen, mut all) = (0.0, 0.0);
+            for shadow in &self.shadows {
+                let share = normal.dot(shadow.direction);
+                if share > 0.0 {
+                    all += share;
+                    seen += share * shadow.lit_share(*place + *normal * lift, SLACK * self.pixel);
+                }
             }
-        });
+            if all > 0.0 { seen / all } else { 1.0 }
+        };
+        places.par_iter().zip(normals).map(openness).collect()
     }
-    let mut openness: Vec<f32> = sums.iter().map(|sum| if sum.y > 0.0 { sum.x / sum.y } else { 1.0 }).collect();
-    for _ in 0..SMOOTHINGS {
-        openness = smoothed(mesh, &openness);
+
+    /// The openness of each vertex (V), without the depth images' pixels.
+    pub fn of_vertices(&self, mesh: &TriangleMesh, normals: &[Vec3]) -> Vec<f32> {
+        let rough = self.openness(&mesh.vertices, normals);
+        (0..SMOOTHINGS).fold(rough, |values, _| smoothed(mesh, &values))
     }
-    Ok(openness)
 }
 
 /// Evenly spread over the sphere (a Fibonacci lattice).
@@ -72,9 +93,9 @@ fn direction(index: usize) -> Vec3 {
 }
 
 impl Shadow {
-    /// The share of the light, 0 to 1, that reaches a point: bilinear over four pixels, each lit or not.
-    fn lit_share(&self, point: Vec3, slack: f32) -> f32 {
-        let (place, depth) = self.camera.project(point);
+    /// The share of the light, 0 to 1, that reaches a place: bilinear over four pixels, each lit or not.
+    fn lit_share(&self, place: Vec3, slack: f32) -> f32 {
+        let (place, depth) = self.camera.project(place);
         // Depths are those of pixels' centres.
         let place = place - 0.5;
         let first = place.floor();
@@ -104,16 +125,20 @@ mod tests {
     use super::*;
     use crate::mesh::testing::bumpy_sphere;
 
+    fn openness(mesh: &TriangleMesh) -> Vec<f32> {
+        Sky::over(mesh).unwrap().of_vertices(mesh, &mesh.vertex_normals())
+    }
+
     #[test]
     fn a_convex_body_is_open_and_a_slot_is_not() {
         let ball = bumpy_sphere(40);
         let mut mesh = ball.clone();
         let count = ball.vertices.len();
-        let alone = openness(&ball, &ball.vertex_normals()).unwrap();
+        let alone = openness(&ball);
         // A second ball close to the first: where they face each other both are dark.
         mesh.vertices.extend(ball.vertices.iter().map(|vertex| *vertex + Vec3::X * 2.1));
         mesh.faces.extend(ball.faces.iter().map(|face| face.map(|vertex| vertex + count as u32)));
-        let both = openness(&mesh, &mesh.vertex_normals()).unwrap();
+        let both = openness(&mesh);
         let between = (0..count).max_by(|a, b| ball.vertices[*a].x.total_cmp(&ball.vertices[*b].x)).unwrap();
         let far = (0..count).min_by(|a, b| ball.vertices[*a].x.total_cmp(&ball.vertices[*b].x)).unwrap();
         assert!(both[between] < 0.5, "{}", both[between]);
@@ -125,7 +150,7 @@ mod tests {
     #[test]
     fn meshes_without_extent_are_open() {
         let mesh = TriangleMesh { vertices: vec![Vec3::ONE; 3], faces: vec![[0, 1, 2]], ..TriangleMesh::default() };
-        assert_eq!(openness(&mesh, &[Vec3::Z; 3]).unwrap(), [1.0; 3]);
-        assert_eq!(openness(&TriangleMesh::default(), &[]).unwrap(), Vec::<f32>::new());
+        assert_eq!(openness(&mesh), [1.0; 3]);
+        assert_eq!(openness(&TriangleMesh::default()), Vec::<f32>::new());
     }
 }

@@ -1,23 +1,18 @@
 //! PNG files that are either complete or not there.
 
-use std::io;
 use std::path::Path;
 
-use image::{ExtendedColorType, ImageEncoder, RgbImage, codecs::png::PngEncoder};
+use image::RgbImage;
 
 use crate::Result;
-use crate::atomic_file::write_atomically;
+use crate::picture_file::write_picture;
 
 /// Writes a picture to `path`; what stood there before stays until the new one is complete.
 ///
 /// # Errors
 /// [`Error::Io`](crate::Error::Io) if the folder does not exist or the disk is full.
 pub fn write_png(path: impl AsRef<Path>, picture: &RgbImage) -> Result<()> {
-    write_atomically(path.as_ref(), |writer| {
-        PngEncoder::new(writer)
-            .write_image(picture.as_raw(), picture.width(), picture.height(), ExtendedColorType::Rgb8)
-            .map_err(io::Error::other)
-    })
+    write_picture(path.as_ref(), picture)
 }
 
 #[cfg(test)]

@@ -10,9 +10,10 @@ use image::RgbImage;
 use rayon::prelude::*;
 
 use super::colour_map::{ColourMap, linear_colour};
+use super::floor::Floor;
 use super::framing::check_camera;
-use super::light::{background, decode_srgb, encode_srgb, illumination, softly_open};
-use super::occlusion::openness;
+use super::light::{decode_srgb, encode_srgb, illumination, softly_open};
+use super::occlusion::Sky;
 use super::rasterize::{Band, EMPTY, ROOKS, Rasterizer, sample_place};
 use crate::camera::PinholeCamera;
 use crate::mesh::{SurfacePoint, TriangleMesh};
@@ -28,6 +29,13 @@ const PLASTER: Vec3 = Vec3::new(0.64, 0.62, 0.59);
 const UNLIT_SHARE: f32 = 0.55;
 /// The same for colours that mean numbers: the shape shows, and a legend still holds.
 const UNLIT_SHARE_OF_DATA: f32 = 0.8;
+
+/// Share of a colour's unlit part that a place which sees nothing of the sky loses.
+const COLOUR_OCCLUSION: f32 = 0.6;
+/// Share of the floor's white that a place which sees nothing of the sky loses.
+const FLOOR_SHADOW: f32 = 0.55;
+/// Share of the picture's width, at either side, over which the floor's shadow fades.
+const FLOOR_FADE: f32 = 0.25;
 
 /// What a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,6 +63,7 @@ pub struct Scene<'a> {
     normals: Cow<'a, [Vec3]>,
     /// How open each vertex is to the sky's light, 0 to 1; none: all of it reaches all of them.
     openness: Option<Vec<f32>>,
+    floor: Option<Floor>,
 }
 
 /// A picture of a mesh; for several of the same mesh, keep a [`Scene`].
@@ -76,16 +85,19 @@ impl<'a> Scene<'a> {
             Some(normals) => Cow::Borrowed(normals.as_slice()),
             None => Cow::Owned(mesh.vertex_normals()),
         };
-        Ok(Self { mesh, normals, openness: None })
+        Ok(Self { mesh, normals, openness: None, floor: None })
     }
 
-    /// Darkens creases and what is close to other parts, in [`View::Shaded`] and [`View::Colour`]. It costs as much as ten
-    /// pictures, once.
+    /// Darkens creases and what is close to other parts, and puts a soft shadow on a floor at the height y = `floor` (metres), in
+    /// [`View::Shaded`] and [`View::Colour`]. It costs as much as several pictures, once.
     ///
     /// # Errors
     /// [`Error::Value`] if the mesh is too large for depth images of it.
-    pub fn with_ambient_occlusion(mut self) -> Result<Self> {
-        self.openness = Some(openness(self.mesh, &self.normals)?);
+    pub fn with_ambient_occlusion(mut self, floor: Option<f32>) -> Result<Self> {
+        let sky = Sky::over(self.mesh)?;
+        self.openness = Some(sky.of_vertices(self.mesh, &self.normals));
+        self.floor =
+            floor.filter(|_| !self.mesh.vertices.is_empty()).map(|height| Floor::below(self.mesh, height, &sky));
         Ok(self)
     }
 
@@ -136,25 +148,24 @@ struct Shader<'a> {
 
 impl Shader<'_> {
     fn shade(&self, band: &Band<SAMPLES>, pixels: &mut [u8]) {
-        let PinholeCamera { width, height, .. } = *self.camera;
+        let width = self.camera.width;
         for (index, line) in pixels.chunks_exact_mut(3 * width as usize).enumerate() {
             let row = band.first_row + index as u32;
-            let background = self.background((row as f32 + 0.5) / height as f32);
-            let empty = background.to_array().map(encode_srgb);
             for (column, pixel) in line.chunks_exact_mut(3).enumerate() {
                 let faces = if band.columns.contains(&column) { band.faces(index, column) } else { [EMPTY; SAMPLES] };
-                if faces == [EMPTY; SAMPLES] {
-                    pixel.copy_from_slice(&empty);
+                let corner = Vec2::new(column as f32, row as f32);
+                let light = if faces == [EMPTY; SAMPLES] {
+                    self.background(corner + 0.5)
                 } else {
-                    let light = self.mean_light(faces, Vec2::new(column as f32, row as f32), background);
-                    pixel.copy_from_slice(&light.to_array().map(encode_srgb));
-                }
+                    self.mean_light(faces, corner)
+                };
+                pixel.copy_from_slice(&light.to_array().map(encode_srgb));
             }
         }
     }
 
     /// The mean over the faces that the samples of the pixel with this upper left corner see.
-    fn mean_light(&self, faces: [u32; SAMPLES], corner: Vec2, background: Vec3) -> Vec3 {
+    fn mean_light(&self, faces: [u32; SAMPLES], corner: Vec2) -> Vec3 {
         let mut light = Vec3::ZERO;
         for sample in 0..SAMPLES {
             if faces[..sample].contains(&faces[sample]) {
@@ -164,17 +175,23 @@ impl Shader<'_> {
             let (sum, count) = alike.fold((Vec2::ZERO, 0.0), |(sum, n), other| (sum + self.places[other], n + 1.0));
             light += count
                 * match faces[sample] {
-                    EMPTY => background,
+                    EMPTY => self.background(corner + sum / count),
                     face => self.colour(face, corner + sum / count),
                 };
         }
         light / SAMPLES as f32
     }
 
-    fn background(&self, height: f32) -> Vec3 {
-        match self.view {
-            View::Shaded | View::Colour => background(height),
-            View::Normals | View::Data | View::Depth { .. } => Vec3::ONE,
+    fn background(&self, place: Vec2) -> Vec3 {
+        match (&self.scene.floor, self.view) {
+            (Some(floor), View::Shaded | View::Colour) => {
+                // Without an edge of shadow where the picture ends.
+                let width = self.camera.width as f32;
+                let inward = (place.x.min(width - place.x) / (width * FLOOR_FADE)).clamp(0.0, 1.0);
+                let fade = inward * inward * (3.0 - 2.0 * inward);
+                Vec3::splat(softly_open(floor.openness(self.camera, place), FLOOR_SHADOW * fade))
+            }
+            _ => Vec3::ONE,
         }
     }
 
@@ -204,7 +221,10 @@ impl Shader<'_> {
         let lit = illumination(facing, open);
         let unlit_share = if self.view == View::Data { UNLIT_SHARE_OF_DATA } else { UNLIT_SHARE };
         match mesh.colour_at(&point).filter(|_| self.view != View::Shaded) {
-            Some(colour) => colour.map(decode_srgb) * (unlit_share * softly_open(open) + (1.0 - unlit_share) * lit),
+            Some(colour) => {
+                colour.map(decode_srgb)
+                    * (unlit_share * softly_open(open, COLOUR_OCCLUSION) + (1.0 - unlit_share) * lit)
+            }
             None => PLASTER * lit,
         }
     }

@@ -569,7 +569,7 @@ impl<T: Real> Worker<T> {
         let joints = field.joints();
         let Self { skinning, gradients, buffers, .. } = self;
         buffers.weights.resize(rows.len() * joints, T::zero());
-        field.weights(skinning, &targets.points[rows.clone()], &mut buffers.weights);
+        field.forward(skinning, &targets.points[rows.clone()], &mut buffers.weights);
         let wanted = &targets.weights[rows.start * joints..rows.end * joints];
         let mut sum = 0.0;
         buffers.weight_cotangents.clear();

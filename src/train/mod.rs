@@ -7,6 +7,7 @@ mod camera_sampling;
 mod camera_view;
 mod captured;
 mod checkpoint;
+mod curve;
 mod distance_grid;
 mod event_file;
 mod frame_store;
@@ -28,7 +29,7 @@ use serde::{Deserialize, Serialize};
 
 pub use captured::TrainingFrames;
 pub(crate) use checkpoint::{insert_parameters, load_parameters, load_voxels};
-pub use history::seconds_per_step;
+pub use history::{NotedStep, has_notes, noted_steps, previews, seconds_per_step};
 pub use trainer::{Ending, Trainer};
 
 use losses::LossTerms;
@@ -37,6 +38,13 @@ use losses::LossTerms;
 pub trait Observer {
     /// Is told what happened.
     fn event(&mut self, event: Event<'_>);
+}
+
+/// A closure that takes events; `|_: Event<'_>| {}` watches nothing.
+impl<F: FnMut(Event<'_>)> Observer for F {
+    fn event(&mut self, event: Event<'_>) {
+        self(event);
+    }
 }
 
 /// What happens in a run.
@@ -98,7 +106,7 @@ pub struct StepRecord {
     pub seconds: f64,
     /// Where that time went: sampling, search, losses, optimiser.
     pub split: BTreeMap<&'static str, f64>,
-    /// Points drawn, on and off the surface.
+    /// Points drawn, on and off the surface and in the canonical box.
     pub points: usize,
     /// The learning rate.
     pub learning_rate: f64,

@@ -10,6 +10,7 @@ use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use xavatar_network::Representation;
 
+use super::curve::Curve;
 use super::prepared::{ScanSupervision, Source};
 use crate::config::{SamplingSettings, SamplingStrategy};
 use crate::correspondence::part_label;
@@ -66,6 +67,10 @@ pub(super) fn draw(
             drawn.push(OnSurface { source: region.source, label: part_label(label), place, off });
         }
     }
+    // Neighbours in space are then neighbours in every search that follows.
+    let bounds = |fold: fn(Vec3, Vec3) -> Vec3| drawn.iter().map(|sample| sample.off).reduce(fold).unwrap_or_default();
+    let curve = Curve::over((bounds(Vec3::min), bounds(Vec3::max)));
+    drawn.sort_by_cached_key(|sample| curve.place(sample.off));
     let uniform: Vec<Vec3> = (0..settings.uniform_points)
         .map(|_| Vec3::from_array(std::array::from_fn(|_| random.random_range(-settings.extent..settings.extent))))
         .collect();

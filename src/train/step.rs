@@ -15,6 +15,7 @@ use xavatar_deformer::{Candidates, SearchStatistics};
 use xavatar_network::Representation;
 
 use super::camera_sampling;
+use super::curve::Curve;
 use super::losses::CanonicalBatch;
 use super::prepared::{PreparedFrame, Supervision};
 use super::pretraining::CanonicalBody;
@@ -29,8 +30,6 @@ use crate::{Error, Result};
 
 /// Vertices of hands and face whose weights are supervised at each step.
 const WEIGHT_POINTS: usize = 1024;
-/// Cells of the Z-order curve along the longest side of the canonical box.
-const CURVE_CELLS: f32 = 1023.0;
 /// Depth in the unclothed body below which no point of the scan's surface or outside of it can be, metres. A root there is one
 /// of skin that folds over itself: to train through it would hollow the body.
 const DEEPEST_SURFACE: f32 = 0.01;
@@ -233,9 +232,12 @@ impl<'a> Trainer<'a> {
         }
         let lost = assigned_off.iter().zip(&samples.off_targets).filter(|(winner, _)| winner.is_none());
         record.inside_without_root += lost.filter(|(_, target)| inside(**target)).count();
-        self.canonical.anchor(WEIGHT_POINTS, &mut random, &mut batch);
+        // Skinning on a grid is held by its logits instead.
+        let weight_points = if fields.skinning.voxels().is_some() { 0 } else { WEIGHT_POINTS };
+        self.canonical.anchor(weight_points, &mut random, &mut batch);
         let count = self.config.sampling.far_points;
         self.canonical.far(count, fields.geometry.representation, &mut random, &mut batch);
+        record.points += batch.far_points.len();
         if let Some(rgbd) = &self.config.rgbd {
             self.canonical.unseen(rgbd.unseen_points, self.config.sampling.deviation, &mut random, &mut batch);
         }
@@ -249,12 +251,8 @@ impl<'a> Trainer<'a> {
     /// The candidates that points are trained through, with the points' places, neighbours in space near each other: a grid's
     /// entries are then still in the cache when the next point needs them.
     fn in_spatial_order(&self, assigned: &[Option<usize>], found: &Candidates<f32>) -> Vec<(usize, usize)> {
-        let (low, high) = self.subject.bounds;
-        let scale = CURVE_CELLS / (high - low).max_element();
-        let key = |winner: usize| {
-            let cell = ((Vec3::from_array(found.points[winner]) - low) * scale).as_uvec3();
-            spread_bits(cell.x) | spread_bits(cell.y) << 1 | spread_bits(cell.z) << 2
-        };
+        let curve = Curve::over(self.subject.bounds);
+        let key = |winner: usize| curve.place(Vec3::from_array(found.points[winner]));
         let places = assigned.iter().enumerate().filter_map(|(index, winner)| Some(((*winner)?, index)));
         let mut keyed: Vec<_> = places.map(|(winner, index)| (key(winner), winner, index)).collect();
         keyed.sort_unstable();
@@ -272,22 +270,16 @@ impl<'a> Trainer<'a> {
             Assignment::Body => {
                 let depths: Vec<f32> =
                     candidates.points.par_iter().map(|point| self.canonical.distance(*point)).collect();
-                let possible = |point: usize, index: usize| {
-                    depths[index] < CERTAINLY_OUTSIDE && (is_inside[point] || depths[index] > -DEEPEST_SURFACE)
-                };
+                let possible = |point: usize, index: usize| may_train(depths[index], is_inside[point]);
                 posed.winners_among(candidates, possible, |index, best| depths[index] < depths[best])
             }
         }
     }
 }
 
-/// Moves the lowest ten bits of a number to every third place, for a Z-order curve.
-fn spread_bits(number: u32) -> u32 {
-    let mut bits = number & 0x3ff;
-    for (shift, mask) in [(16, 0x0300_00ff), (8, 0x0300_f00f), (4, 0x030c_30c3), (2, 0x0924_9249)] {
-        bits = (bits | bits << shift) & mask;
-    }
-    bits
+/// Whether a point, inside the captured body or not, may be trained through a root this far from the unclothed one, metres.
+fn may_train(distance: f32, is_inside: bool) -> bool {
+    distance < CERTAINLY_OUTSIDE && (is_inside || distance > -DEEPEST_SURFACE)
 }
 
 pub(super) fn add_time(record: &mut StepRecord, phase: &'static str, begin: Instant) {
@@ -299,4 +291,15 @@ fn generator(seed: u64, stage: Stage, step: u64, slot: u64) -> ChaCha8Rng {
     let mut random = ChaCha8Rng::seed_from_u64(seed ^ (stage as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     random.set_stream(step << 16 | (slot & 0xffff));
     random
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_surface_is_trained_deep_in_the_body_and_nothing_far_from_it() {
+        assert!(may_train(0.02, false) && may_train(-0.005, false) && !may_train(-0.03, false));
+        assert!(may_train(0.02, true) && may_train(-0.03, true) && !may_train(0.2, true));
+    }
 }

@@ -59,6 +59,8 @@ pub struct Mlp<T> {
     embedding: Option<Embedding>,
     parameters: Vec<T>,
     folded: Vec<T>,
+    /// W^T of each layer, at the place of its W in `folded`: products with it need no gathering of columns.
+    transposed: Vec<T>,
 }
 
 impl<T: Real> Mlp<T> {
@@ -101,8 +103,8 @@ impl<T: Real> Mlp<T> {
             bias: layout.push("lin_p0.bias".into(), vec![shape.embedded]),
         });
         let parameters = vec![T::zero(); layout.len()];
-        let folded = vec![T::zero(); folded];
-        Ok(Self { shape, encoding, layout, table, layers, embedding, parameters, folded })
+        let (folded, transposed) = (vec![T::zero(); folded], vec![T::zero(); folded]);
+        Ok(Self { shape, encoding, layout, table, layers, embedding, parameters, folded, transposed })
     }
 
     /// Its extents.
@@ -137,10 +139,13 @@ impl<T: Real> Mlp<T> {
             let directions = self.parameters[layer.direction.clone()].chunks_exact(layer.inputs);
             let magnitudes = &self.parameters[layer.magnitude.clone()];
             let folded = self.folded[layer.folded_weight.clone()].chunks_exact_mut(layer.inputs);
-            for ((direction, magnitude), folded) in directions.zip(magnitudes).zip(folded) {
+            let transposed = &mut self.transposed[layer.folded_weight.clone()];
+            for (output, ((direction, magnitude), folded)) in directions.zip(magnitudes).zip(folded).enumerate() {
                 let factor = scale * *magnitude / norm(direction);
-                for (folded, direction) in folded.iter_mut().zip(direction) {
+                let column = transposed[output..].iter_mut().step_by(layer.outputs);
+                for ((folded, transposed), direction) in folded.iter_mut().zip(column).zip(direction) {
                     *folded = factor * *direction;
+                    *transposed = *folded;
                 }
             }
             self.folded[layer.folded_bias.clone()].copy_from_slice(&self.parameters[layer.bias.clone()]);

@@ -5,7 +5,8 @@ use std::ops::Range;
 use super::{Layer, Mlp, MlpGradient};
 use crate::Real;
 use crate::activation::{
-    add_column_sums, add_curvature, add_scaled, curvature_rows, scale_rows, softplus_rows, write_scaled,
+    add_column_sums, add_curvature, add_scaled, curvature_rows, scale_rows, softplus_rows, softplus_value_rows,
+    write_scaled,
 };
 use crate::encoding::{Cells, Directions};
 use crate::matmul::{Matrix, MatrixMut, Write, product};
@@ -65,9 +66,20 @@ pub enum Backward {
     ParametersAndPoints,
 }
 
+/// What a forward sweep leaves for the sweeps after it.
+#[derive(Clone, Copy)]
+enum Kept {
+    Nothing,
+    /// The slopes, and that many tangents of every row.
+    Slopes {
+        directions: usize,
+    },
+}
+
 impl<T: Real> Mlp<T> {
-    fn weight(&self, layer: &Layer) -> Matrix<'_, T> {
-        Matrix::new(&self.folded[layer.folded_weight.clone()], layer.outputs, layer.inputs, layer.inputs)
+    /// W^T of a layer, or of its first `inputs` inputs alone.
+    fn transposed_weight(&self, layer: &Layer, inputs: usize) -> Matrix<'_, T> {
+        Matrix::new(&self.transposed[layer.folded_weight.clone()], inputs, layer.outputs, layer.outputs)
     }
 
     /// The columns of a layer's weights whose inputs are hidden units, or for the first layer encoded point and embedding.
@@ -89,7 +101,12 @@ impl<T: Real> Mlp<T> {
     ///
     /// `shared_condition` (embedded) is joined to every row, `row_condition` (R, row_condition) to its own.
     pub fn forward(&self, trace: &mut Trace<T>, points: &[T], shared_condition: &[T], row_condition: &[T]) {
-        self.sweep_forward(trace, points, shared_condition, row_condition, 0);
+        self.sweep_forward(trace, points, shared_condition, row_condition, Kept::Slopes { directions: 0 });
+    }
+
+    /// [`Mlp::forward`] for the outputs alone, a little faster: no other sweep may follow it.
+    pub fn evaluate(&self, trace: &mut Trace<T>, points: &[T], shared_condition: &[T], row_condition: &[T]) {
+        self.sweep_forward(trace, points, shared_condition, row_condition, Kept::Nothing);
     }
 
     /// Forward sweep with the D tangents of every row: the output's derivatives along each coordinate, stacked below it.
@@ -100,11 +117,16 @@ impl<T: Real> Mlp<T> {
         shared_condition: &[T],
         row_condition: &[T],
     ) {
-        self.sweep_forward(trace, points, shared_condition, row_condition, self.shape.inputs);
+        let kept = Kept::Slopes { directions: self.shape.inputs };
+        self.sweep_forward(trace, points, shared_condition, row_condition, kept);
     }
 
-    fn sweep_forward(&self, trace: &mut Trace<T>, points: &[T], shared: &[T], row_condition: &[T], directions: usize) {
+    fn sweep_forward(&self, trace: &mut Trace<T>, points: &[T], shared: &[T], row_condition: &[T], kept: Kept) {
         let shape = &self.shape;
+        let directions = match kept {
+            Kept::Nothing => 0,
+            Kept::Slopes { directions } => directions,
+        };
         let rows = points.len() / shape.inputs;
         assert!(rows > 0 && points.len() == rows * shape.inputs, "points come in whole rows, at least one");
         assert_eq!(shared.len(), shape.embedded, "shared condition");
@@ -125,7 +147,7 @@ impl<T: Real> Mlp<T> {
         for (index, layer) in self.layers.iter().enumerate() {
             let (before, after) = trace.inputs.split_at_mut(index + 1);
             let input = Matrix::new(&before[index], stacked, layer.inputs, layer.inputs);
-            let weight = self.weight(layer).transposed();
+            let weight = self.transposed_weight(layer, layer.inputs);
             let bias = &self.folded[layer.folded_bias.clone()];
             if index == shape.depth {
                 resize(&mut trace.output, stacked * layer.outputs);
@@ -144,9 +166,18 @@ impl<T: Real> Mlp<T> {
             let next = &mut after[0];
             product(MatrixMut::new(next, stacked, layer.outputs, stride), Write::Replace, input, weight);
             let slopes = &mut trace.slopes[index];
-            resize(slopes, rows * layer.outputs);
             let (values, tangents) = next.split_at_mut(rows * stride);
-            softplus_rows(values, stride, bias, slopes);
+            match kept {
+                Kept::Nothing => {
+                    // A sweep that needs them fails instead of taking those of other points.
+                    slopes.clear();
+                    softplus_value_rows(values, stride, bias);
+                }
+                Kept::Slopes { .. } => {
+                    resize(slopes, rows * layer.outputs);
+                    softplus_rows(values, stride, bias, slopes);
+                }
+            }
             for tangent in tangents.chunks_exact_mut(rows * stride).take(directions) {
                 scale_rows(tangent, stride, slopes, layer.outputs);
             }
@@ -344,7 +375,7 @@ impl<T: Real> Mlp<T> {
                 MatrixMut::new(&mut after[0][rows * stride..], rows, layer.outputs, stride),
                 Write::Replace,
                 Matrix::new(&before[index][rows * layer.inputs..], rows, carried, layer.inputs),
-                self.weight_columns(layer, 0..carried).transposed(),
+                self.transposed_weight(layer, carried),
             );
             let (curvature, cotangents) = trace.cotangents[index].split_at_mut(rows * layer.outputs);
             let tangents = &mut after[0][rows * stride..2 * rows * stride];

@@ -1,8 +1,25 @@
 //! RGB-D frames: aligned colour and depth pictures with registered bodies, and the points that they show (thesis 4.4).
+//!
+//! Files -> [`RgbdSubject`] -> [`RgbdFrame`] -> [`PointCloud`]. Layouts: X-Humans' `render` folders, and plain folders that a
+//! `rgbd.toml` describes (docs/rgbd.md).
 
+mod cameras;
+mod check;
+mod depth_file;
+mod depth_write;
 mod frame;
+mod layout;
 mod normals;
+mod plain;
 mod point_cloud;
+mod subject;
+mod write;
+mod xhumans;
 
+pub use check::{RgbdCheckReport, check_rgbd};
+pub use depth_file::{DepthPicture, read_depth};
+pub use depth_write::{DepthFormat, write_depth};
 pub use frame::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, RgbdFrame, RgbdSource};
 pub use point_cloud::PointCloud;
+pub use subject::{RgbdFiles, RgbdFrames, RgbdSubject};
+pub use write::{RgbdLayout, write_rgbd_subject};

@@ -19,6 +19,7 @@ pub use frame::read_frame;
 pub use write::write_subject;
 
 pub(super) use frame::parameters_of;
+pub(super) use write::{create_folder, write_common, write_parameters};
 
 use super::{FrameFiles, FrameId, read_npy};
 use crate::body::Gender;
@@ -55,6 +56,34 @@ impl Subject {
     /// [`Error::Malformed`] if the gender is none of the three or the mean shape is not 10 finite numbers.
     pub fn open(folder: impl AsRef<Path>) -> Result<Self> {
         let folder = folder.as_ref();
+        let Common { gender, betas } = Common::read(folder)?;
+        let subject = Self {
+            folder: folder.into(),
+            gender,
+            betas,
+            train: frames_of_split(folder, "train")?,
+            test: frames_of_split(folder, "test")?,
+        };
+        if subject.train.is_empty() && subject.test.is_empty() {
+            return Err(Error::Missing {
+                path: folder.into(),
+                what: "a frame (train/<sequence>/SMPLX/mesh-f00001_smplx.pkl with its scan)".into(),
+                remedy: "check that this is one subject's folder, unpacked whole".into(),
+            });
+        }
+        Ok(subject)
+    }
+}
+
+/// What is common to a subject's frames, scans or pictures.
+pub(super) struct Common {
+    pub(super) gender: Gender,
+    pub(super) betas: [f32; 10],
+}
+
+impl Common {
+    /// Reads `gender.txt` and the mean shape in a subject's folder.
+    pub(super) fn read(folder: &Path) -> Result<Self> {
         let missing =
             |path: PathBuf, what: &str, remedy: &str| Error::Missing { path, what: what.into(), remedy: remedy.into() };
         if !folder.is_dir() {
@@ -75,25 +104,11 @@ impl Subject {
             expected: "neutral, male or female".into(),
             remedy: "write the gender of the registered body model".into(),
         })?;
-        let subject = Self {
-            folder: folder.into(),
-            gender,
-            betas: mean_shape(&folder.join(SHAPE_FILE))?,
-            train: frames_of_split(folder, "train")?,
-            test: frames_of_split(folder, "test")?,
-        };
-        if subject.train.is_empty() && subject.test.is_empty() {
-            return Err(missing(
-                folder.into(),
-                "a frame (train/<sequence>/SMPLX/mesh-f00001_smplx.pkl with its scan)",
-                "check that this is one subject's folder, unpacked whole",
-            ));
-        }
-        Ok(subject)
+        Ok(Self { gender, betas: mean_shape(&folder.join(SHAPE_FILE))? })
     }
 }
 
-fn mean_shape(path: &Path) -> Result<[f32; 10]> {
+pub(super) fn mean_shape(path: &Path) -> Result<[f32; 10]> {
     if !path.is_file() {
         return Err(Error::Missing {
             path: path.into(),
@@ -112,24 +127,27 @@ fn mean_shape(path: &Path) -> Result<[f32; 10]> {
 }
 
 fn frames_of_split(subject: &Path, split: &str) -> Result<Vec<FrameFiles>> {
+    let mut frames = Vec::new();
+    for (sequence, folder) in sequences_of(subject, split)? {
+        frames.extend(frames_of_sequence(&folder, split, &sequence)?);
+    }
+    Ok(frames)
+}
+
+/// The names and folders of a split's sequences, sorted; none if there is no such split.
+pub(super) fn sequences_of(subject: &Path, split: &str) -> Result<Vec<(String, PathBuf)>> {
     let folder = subject.join(split);
     if !folder.is_dir() {
         return Ok(Vec::new());
     }
-    let mut frames = Vec::new();
-    for sequence in file_names(&folder)? {
-        let folder = folder.join(&sequence);
-        if folder.is_dir() {
-            frames.extend(frames_of_sequence(&folder, split, &sequence)?);
-        }
-    }
-    Ok(frames)
+    let names = file_names(&folder)?.into_iter().map(|name| (name.clone(), folder.join(name)));
+    Ok(names.filter(|(_, folder)| folder.is_dir()).collect())
 }
 
 fn frames_of_sequence(folder: &Path, split: &str, sequence: &str) -> Result<Vec<FrameFiles>> {
     let raw = numbered_files(&folder.join(RAW_SCANS), "mesh-f", ".pkl")?;
     let coloured = numbered_files(&folder.join(COLOURED_SCANS), "mesh-f", ".ply")?;
-    let parameters = numbered_files(&folder.join(PARAMETERS), "mesh-f", "_smplx.pkl")?;
+    let parameters = parameter_files(folder)?;
     let numbers: BTreeSet<u32> = [&raw, &coloured, &parameters].into_iter().flat_map(BTreeMap::keys).copied().collect();
     let frame = |number: u32| {
         let is_raw = raw.contains_key(&number) || !coloured.contains_key(&number);
@@ -144,19 +162,28 @@ fn frames_of_sequence(folder: &Path, split: &str, sequence: &str) -> Result<Vec<
     Ok(numbers.into_iter().map(frame).collect())
 }
 
-fn parameters_path(sequence: &Path, number: u32) -> PathBuf {
+pub(super) fn parameters_path(sequence: &Path, number: u32) -> PathBuf {
     sequence.join(PARAMETERS).join(format!("mesh-f{number:05}_smplx.pkl"))
 }
 
 /// The parameter files of a sequence, given its folder or the `SMPLX` folder in it, by frame number.
 pub(super) fn motion_files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let inside = folder.join(PARAMETERS);
-    let folder = if inside.is_dir() { &inside } else { folder };
-    Ok(numbered_files(folder, "mesh-f", "_smplx.pkl")?.into_values().collect())
+    let in_sequence = parameter_files(folder)?;
+    let files = if in_sequence.is_empty() { numbered_parameters(folder)? } else { in_sequence };
+    Ok(files.into_values().collect())
+}
+
+/// The parameter files in the `SMPLX` folder of a sequence, by frame number.
+pub(super) fn parameter_files(sequence: &Path) -> Result<BTreeMap<u32, PathBuf>> {
+    numbered_parameters(&sequence.join(PARAMETERS))
+}
+
+fn numbered_parameters(folder: &Path) -> Result<BTreeMap<u32, PathBuf>> {
+    numbered_files(folder, "mesh-f", "_smplx.pkl")
 }
 
 /// The files of a folder whose names are a number between `prefix` and `suffix`; none if there is no such folder.
-fn numbered_files(folder: &Path, prefix: &str, suffix: &str) -> Result<BTreeMap<u32, PathBuf>> {
+pub(super) fn numbered_files(folder: &Path, prefix: &str, suffix: &str) -> Result<BTreeMap<u32, PathBuf>> {
     if !folder.is_dir() {
         return Ok(BTreeMap::new());
     }
@@ -169,7 +196,7 @@ fn numbered_files(folder: &Path, prefix: &str, suffix: &str) -> Result<BTreeMap<
 }
 
 /// The names in a folder, sorted, hidden ones left out.
-fn file_names(folder: &Path) -> Result<Vec<String>> {
+pub(super) fn file_names(folder: &Path) -> Result<Vec<String>> {
     let mut names = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
         let name = entry.map_err(Error::io(folder))?.file_name();

@@ -27,9 +27,7 @@ pub fn write_subject(
 ) -> Result<()> {
     let folder = folder.as_ref();
     create_folder(folder)?;
-    write_atomically(&folder.join(GENDER_FILE), |writer| writeln!(writer, "{gender}"))?;
-    let shape = npy_bytes(&Array::from_f32(&[10], betas.to_vec()));
-    write_atomically(&folder.join(SHAPE_FILE), |writer| writer.write_all(&shape))?;
+    write_common(folder, gender, betas)?;
     for frame in frames {
         let frame = frame?;
         write_frame(folder, &frame).map_err(|error| error.in_frame(frame.id.to_string()))?;
@@ -37,13 +35,24 @@ pub fn write_subject(
     Ok(())
 }
 
+/// Writes what is common to a subject's frames, in its folder.
+pub(in crate::data) fn write_common(folder: &Path, gender: Gender, betas: &[f32; 10]) -> Result<()> {
+    write_atomically(&folder.join(GENDER_FILE), |writer| writeln!(writer, "{gender}"))?;
+    let shape = npy_bytes(&Array::from_f32(&[10], betas.to_vec()));
+    write_atomically(&folder.join(SHAPE_FILE), |writer| writer.write_all(&shape))
+}
+
 fn write_frame(subject: &Path, frame: &ScanFrame) -> Result<()> {
     let sequence = subject.join(&frame.id.split).join(&frame.id.sequence);
     create_folder(&sequence.join(COLOURED_SCANS))?;
-    create_folder(&sequence.join(PARAMETERS))?;
-    let arrays = parameter_arrays(&frame.parameters)?;
     write_ply(sequence.join(COLOURED_SCANS).join(format!("mesh-f{:05}.ply", frame.id.number)), &frame.scan)?;
-    write_pickle(parameters_path(&sequence, frame.id.number), &arrays)
+    write_parameters(&sequence, frame.id.number, &frame.parameters)
+}
+
+/// Writes the registered parameters of a frame in the folder of its sequence.
+pub(in crate::data) fn write_parameters(sequence: &Path, number: u32, parameters: &BodyParameters) -> Result<()> {
+    create_folder(&sequence.join(PARAMETERS))?;
+    write_pickle(parameters_path(sequence, number), &parameter_arrays(parameters)?)
 }
 
 fn parameter_arrays(parameters: &BodyParameters) -> Result<ArrayMap> {
@@ -76,6 +85,6 @@ fn offsets_from_mean<'a>(name: &str, hand: &'a HandPose) -> Result<&'a [PoseAxis
     })
 }
 
-fn create_folder(folder: &Path) -> Result<()> {
+pub(in crate::data) fn create_folder(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(Error::io(folder))
 }

@@ -34,6 +34,17 @@ pub enum FilmFormat {
 }
 
 impl FilmFormat {
+    /// Whether films of this format can be made here.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] for an MP4 if there is no ffmpeg.
+    pub fn check_available(self) -> Result<()> {
+        match self {
+            Self::Mp4 => mp4::check_for_ffmpeg(),
+            Self::Gif | Self::Apng | Self::Folder => Ok(()),
+        }
+    }
+
     /// By the extension `gif`, `apng` or `mp4`; a path without extension is a folder.
     ///
     /// # Errors
@@ -90,9 +101,7 @@ impl Film {
                 expected: format!("0.1 to {FASTEST}"),
             });
         }
-        if format == FilmFormat::Mp4 {
-            mp4::check_for_ffmpeg()?;
-        }
+        format.check_available()?;
         let waiting = match format {
             FilmFormat::Folder => {
                 std::fs::create_dir_all(path).map_err(Error::io(path))?;

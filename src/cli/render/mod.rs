@@ -1,0 +1,323 @@
+//! `xavatar render`: pictures and films of an avatar, made without a GPU.
+
+mod cameras;
+mod exhibit;
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::bail;
+use xavatar::avatar::{Animator, Avatar, FixedTopology};
+use xavatar::body::{BodyModel, BodyParameters, PartLabels};
+use xavatar::data::{Clip, FrameSource, Subject};
+use xavatar::mesh::TriangleMesh;
+use xavatar::render::{Camera, Film, FilmFormat, THREE_QUARTER, Tile, contact_sheet, framing_row, write_png};
+
+use self::cameras::{FilmCameras, turn};
+use self::exhibit::{Exhibit, Panel, Panels};
+use super::inputs::{Split, SubjectFrames, load_body};
+use super::motion::MotionArguments;
+use super::progress::Progress;
+use super::{Outcome, outputs, stop};
+
+/// Columns of a PNG: poses of a motion or sides of a turntable.
+const COLUMNS: usize = 6;
+/// A turntable's time for one turn, seconds.
+const TURN: f32 = 4.0;
+/// Frames a second where no motion has a rate: scans of a subject.
+const SCANS_PER_SECOND: f32 = 10.0;
+
+/// Picture an avatar: poses side by side as a PNG, a motion or a turntable as a film
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    xavatar render runs/00016 --body models/smplx --out dance.gif\n  \
+    xavatar render runs/00016 --body models/smplx --turntable --view colour,normals,weights --out turntable.apng\n  \
+    xavatar render runs/00016 --body models/smplx --motion walk.bvh --frames 1..90 --fps 25 --out walk.mp4\n  \
+    xavatar render runs/00016 --body models/smplx --against data/00016 --out errors.png\n\n\
+    A film is a .gif, an .apng, an .mp4 (where ffmpeg is installed) or, without extension, a folder of PNGs.")]
+pub struct Render {
+    /// An avatar.safetensors or a run's folder
+    #[arg(value_name = "AVATAR")]
+    avatar: PathBuf,
+    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl
+    #[arg(long, value_name = "BODY")]
+    body: PathBuf,
+    /// What to write: FILE.png, FILE.gif, FILE.apng, FILE.mp4 or a folder
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// A motion of any format (docs/motion.md), or `dance`, a built-in one
+    #[arg(long, value_name = "MOTION", default_value = Clip::DANCE)]
+    motion: PathBuf,
+    /// What to show; several stand side by side in a film and below each other in a PNG
+    #[arg(long, value_name = "VIEW", value_enum, value_delimiter = ',', default_value = "colour")]
+    view: Vec<Panel>,
+    /// Hold the first pose (--frames chooses) and go once around it
+    #[arg(long)]
+    turntable: bool,
+    /// Show the scans of a subject, in the X-Humans layout, beside the avatar in the same poses, and how far they are apart
+    #[arg(long, value_name = "DATA", conflicts_with_all = ["motion", "up", "hands", "source_fps", "smooth"])]
+    against: Option<PathBuf>,
+    /// Which frames of --against
+    #[arg(long, value_enum, default_value_t = Split::Test, requires = "against")]
+    split: Split,
+    /// The distance of the error's darkest colour, millimetres
+    #[arg(long, value_name = "MM", default_value_t = 10.0, value_parser = millimetres, requires = "against")]
+    largest_error: f32,
+    /// Columns and rows of a film's picture; a PNG's pictures are that high and as wide as they need to be
+    #[arg(long, value_name = "WxH", default_value = "400x640", value_parser = size)]
+    size: (u32, u32),
+    /// Cells along the longest side of the box around the body
+    #[arg(long, value_name = "R", default_value_t = 256, value_parser = super::extract::resolution)]
+    resolution: usize,
+    /// Skin one canonical mesh to every frame instead of extracting each: faster; always so for --view weights
+    #[arg(long)]
+    fixed_topology: bool,
+    #[command(flatten)]
+    options: MotionArguments,
+}
+
+/// A pose, and the scan that shows the same, by its place in the subject's frames.
+struct Moment {
+    parameters: BodyParameters,
+    scan: Option<usize>,
+}
+
+/// Where meshes of poses come from.
+enum Poser<'a> {
+    Extracted(Animator<'a>, usize),
+    Skinned(FixedTopology<'a>),
+}
+
+/// What all pictures share.
+struct Studio<'a> {
+    body: &'a BodyModel,
+    labels: &'a PartLabels,
+    betas: [f32; 10],
+    poser: Poser<'a>,
+    scans: Option<SubjectFrames>,
+    panels: Panels,
+}
+
+impl Render {
+    pub fn run(self) -> anyhow::Result<Outcome> {
+        let is_picture = self.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+        if is_picture {
+            outputs::new_file(&self.out)?;
+        } else {
+            let format = FilmFormat::of_path(&self.out)?;
+            format.check_available()?;
+            match format {
+                FilmFormat::Folder => outputs::new_folder(&self.out, "give a new --out")?,
+                FilmFormat::Gif | FilmFormat::Apng | FilmFormat::Mp4 => outputs::new_file(&self.out)?,
+            }
+        }
+        let avatar = Avatar::load(&self.avatar)?;
+        let (body, labels) = load_body(&self.body, avatar.subject.gender)?;
+        let (scans, mut moments, rate) = self.moments(&avatar)?;
+        if self.turntable {
+            moments.truncate(1);
+        }
+        let fixed_topology = self.fixed_topology || self.view.contains(&Panel::Weights);
+        if fixed_topology && !self.fixed_topology {
+            log::info!("weights belong to the canonical mesh, which is skinned to every pose");
+        }
+        let poser = match fixed_topology {
+            true => Poser::Skinned(FixedTopology::new(&avatar, &body, self.resolution)?),
+            false => Poser::Extracted(Animator::new(&avatar, &body, &labels)?, self.resolution),
+        };
+        let panels = Panels::new(&self.view, self.against.is_some(), self.largest_error);
+        let betas = avatar.subject.betas;
+        let studio = Studio { body: &body, labels: &labels, betas, poser, scans, panels };
+        let stop = stop::on_interrupt()?;
+        let mut progress = Progress::new();
+        let done = if is_picture {
+            self.picture(&studio, &moments, stop, &mut progress)?
+        } else {
+            self.film(&studio, &moments, rate, stop, &mut progress)?
+        };
+        progress.finish();
+        match done {
+            Some(count) => println!("{}: {count} pictures", self.out.display()),
+            None => log::info!("stopped: {} is not complete", self.out.display()),
+        }
+        Ok(if done.is_some() { Outcome::Done } else { Outcome::Stopped })
+    }
+
+    /// The poses to be pictured, the scans that they are compared with, and how many a second.
+    fn moments(&self, avatar: &Avatar) -> anyhow::Result<(Option<SubjectFrames>, Vec<Moment>, f32)> {
+        let Some(data) = &self.against else {
+            let clip = self.options.load(&self.motion, avatar)?;
+            let rate = clip.frames_per_second;
+            let moments = clip.frames.into_iter().map(|parameters| Moment { parameters, scan: None }).collect();
+            return Ok((None, moments, rate));
+        };
+        let subject = Subject::open(data)?;
+        let files = self.split.files(&subject);
+        let chosen = self.options.range_within(files.len())?;
+        let frames = SubjectFrames::new(&subject, &files[chosen]);
+        let moments = (0..frames.ids().len())
+            .map(|index| Ok(Moment { parameters: frames.read(index)?.parameters, scan: Some(index) }))
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        if moments.is_empty() {
+            bail!("{}: no frames in its {:?} split; choose another --split", data.display(), self.split);
+        }
+        Ok((Some(frames), moments, self.options.rate().unwrap_or(SCANS_PER_SECOND)))
+    }
+
+    /// One sheet: a row a panel, a column a pose or a side.
+    fn picture(
+        &self,
+        studio: &Studio,
+        moments: &[Moment],
+        stop: &AtomicBool,
+        progress: &mut Progress,
+    ) -> anyhow::Result<Option<usize>> {
+        let chosen = evenly(moments, COLUMNS);
+        let mut exhibits = Vec::new();
+        for (index, moment) in chosen.iter().enumerate() {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            progress.show("meshes", index as f64 / chosen.len() as f64, &format!("{} of {}", index + 1, chosen.len()));
+            exhibits.push(studio.exhibit(moment)?);
+        }
+        let places: Vec<Vec<glam::Vec3>> = exhibits.iter().map(Exhibit::vertices).collect();
+        let bodies: Vec<&[glam::Vec3]> = places.iter().map(Vec::as_slice).collect();
+        // One pose turned, or each pose from the same side.
+        let shown: Vec<(&Exhibit, Camera)> = if self.turntable {
+            let camera = FilmCameras::around(bodies[0], (self.size.0, self.size.1))?;
+            (0..COLUMNS).map(|side| (&exhibits[0], camera.turned(turn(side, COLUMNS)))).collect()
+        } else {
+            exhibits.iter().zip(framing_row(&bodies, THREE_QUARTER, self.size.1)?).collect()
+        };
+        let mut rows: Vec<Vec<Tile>> = Vec::new();
+        for (index, (exhibit, camera)) in shown.iter().enumerate() {
+            progress.show("pictures", index as f64 / shown.len() as f64, &format!("{} of {}", index + 1, shown.len()));
+            let tiles = exhibit.scenes(&studio.panels, exhibit.lowest())?.tiles(&studio.panels, camera)?;
+            rows.resize_with(tiles.len(), Vec::new);
+            rows.iter_mut().zip(tiles).for_each(|(row, tile)| row.push(tile));
+        }
+        write_png(&self.out, &contact_sheet(&rows)?)?;
+        Ok(Some(shown.len() * rows.len()))
+    }
+
+    /// A film: the panels side by side, one picture a frame or a step of the turntable.
+    fn film(
+        &self,
+        studio: &Studio,
+        moments: &[Moment],
+        rate: f32,
+        stop: &AtomicBool,
+        progress: &mut Progress,
+    ) -> anyhow::Result<Option<usize>> {
+        let poses =
+            moments.iter().map(|moment| studio.posed(&moment.parameters)).collect::<xavatar::Result<Vec<_>>>()?;
+        let cameras = FilmCameras::of(&poses, self.size, self.turntable)?;
+        let total = if self.turntable { (TURN * rate).ceil() as usize } else { moments.len() };
+        let mut film: Option<Film> = None;
+        let mut add = |tiles: Vec<Tile>| -> anyhow::Result<()> {
+            let picture = side_by_side(tiles)?;
+            let film = match &mut film {
+                Some(film) => film,
+                None => film.insert(Film::begin(&self.out, picture.dimensions(), f64::from(rate))?),
+            };
+            Ok(film.add(&picture)?)
+        };
+        let mut show =
+            |done: usize| progress.show("pictures", done as f64 / total as f64, &format!("{done} of {total}"));
+        if self.turntable {
+            let exhibit = studio.exhibit(&moments[0])?;
+            let scenes = exhibit.scenes(&studio.panels, cameras.floor)?;
+            for step in 0..total {
+                if stop.load(Ordering::Relaxed) {
+                    return Ok(None);
+                }
+                add(scenes.tiles(&studio.panels, &cameras.turned(turn(step, total)))?)?;
+                show(step + 1);
+            }
+        } else {
+            for (index, moment) in moments.iter().enumerate() {
+                if stop.load(Ordering::Relaxed) {
+                    return Ok(None);
+                }
+                let exhibit = studio.exhibit(moment)?;
+                let scenes = exhibit.scenes(&studio.panels, cameras.floor)?;
+                add(scenes.tiles(&studio.panels, &cameras.at(index))?)?;
+                show(index + 1);
+            }
+        }
+        progress.show("film", 0.0, "encoding");
+        if let Some(film) = film {
+            film.finish()?;
+        }
+        Ok(Some(total))
+    }
+}
+
+impl Studio<'_> {
+    /// The vertices and the pelvis of the body in the avatar's shape.
+    fn posed(&self, parameters: &BodyParameters) -> xavatar::Result<(Vec<glam::Vec3>, glam::Vec3)> {
+        let posed = self.body.pose(&BodyParameters { betas: self.betas, ..parameters.clone() })?;
+        Ok((posed.vertices, posed.joints[0]))
+    }
+
+    fn exhibit(&self, moment: &Moment) -> anyhow::Result<Exhibit> {
+        let (mesh, weights) = match &self.poser {
+            Poser::Extracted(animator, resolution) => (animator.extract(&moment.parameters, *resolution)?.mesh, None),
+            Poser::Skinned(topology) => (topology.pose(&moment.parameters)?, Some(topology.weights())),
+        };
+        let scan: Option<TriangleMesh> = match (&self.scans, moment.scan) {
+            (Some(scans), Some(index)) => Some(scans.read(index)?.scan),
+            _ => None,
+        };
+        let (vertices, _) = self.posed(&moment.parameters)?;
+        Ok(Exhibit::new(&self.panels, mesh, weights, scan, &vertices, self.labels)?)
+    }
+}
+
+/// One picture; several get labels.
+fn side_by_side(mut tiles: Vec<Tile>) -> xavatar::Result<image::RgbImage> {
+    match tiles.len() {
+        1 => Ok(tiles.remove(0).picture),
+        _ => contact_sheet(&[tiles]),
+    }
+}
+
+/// At most `count` of the items, from the first to the last.
+fn evenly<T>(items: &[T], count: usize) -> Vec<&T> {
+    let count = count.min(items.len());
+    (0..count).map(|index| &items[index * (items.len() - 1) / (count - 1).max(1)]).collect()
+}
+
+fn millimetres(text: &str) -> Result<f32, String> {
+    let value = text.parse().ok().filter(|value: &f32| (0.01..=1000.0).contains(value));
+    value.ok_or_else(|| "expected millimetres from 0.01 to 1000".into())
+}
+
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (16..=4096).contains(side));
+    let sides = text.split_once('x').and_then(|(width, height)| Some((side(width)?, side(height)?)));
+    sides.ok_or_else(|| "expected WIDTHxHEIGHT, each from 16 to 4096 pixels, such as 400x640".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn items_are_spread_from_the_first_to_the_last() {
+        let items: Vec<usize> = (0..11).collect();
+        assert_eq!(evenly(&items, 6), [&0, &2, &4, &6, &8, &10]);
+        assert_eq!(evenly(&items[..3], 6), [&0, &1, &2]);
+        assert_eq!(evenly(&items[..1], 6), [&0]);
+        assert!(evenly(&items[..0], 6).is_empty());
+    }
+
+    #[test]
+    fn sizes_are_two_numbers() {
+        assert_eq!(size("400x640"), Ok((400, 640)));
+        for wrong in ["", "400", "400x", "x400", "0x10", "400x99999", "-5x50", "400x640x3"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+}

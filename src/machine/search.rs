@@ -1,0 +1,105 @@
+//! The correspondence search alone: points at the built-in subject's posed surface, nine starts each.
+//!
+//! A root here is a start that converged, before roots of one point are merged; the skinning field is the paper's, trained on the
+//! canonical body for some steps, so that a start takes about as many evaluations as in a real run.
+
+use std::sync::atomic::AtomicBool;
+
+use super::Seconds;
+use crate::avatar::Avatar;
+use crate::config::{Config, SearchedField, Starts};
+use crate::correspondence::{PosedField, PosedWarp, bake, bone_rows, start_groups};
+use crate::mannequin::{BuiltInSubject, Split};
+use crate::train::{Event, Trainer, TrainingFrames};
+use crate::{Error, Result};
+
+/// The avatar of a posed body, and points to search for.
+pub struct PosedSubject {
+    avatar: Avatar,
+    bones: Vec<[f32; 12]>,
+    points: Vec<[f32; 3]>,
+}
+
+/// How fast a search is.
+#[derive(Clone, Debug)]
+pub struct SearchSpeed {
+    /// Starts that converged.
+    pub roots: usize,
+    /// All starts.
+    pub starts: usize,
+    /// Evaluations of the skinning field, those that polish roots included.
+    pub evaluations: usize,
+    /// Time of one search.
+    pub seconds: Seconds,
+}
+
+impl PosedSubject {
+    /// The grid of the baked search.
+    pub const BAKED: SearchedField = SearchedField::Baked { nodes: [96, 96, 48], refresh_steps: 1 };
+
+    /// Trains the skinning field for `steps` on the canonical body, and takes `points` points.
+    ///
+    /// # Errors
+    /// If there is no folder for temporary files.
+    pub fn new(steps: u64, points: usize) -> Result<Self> {
+        let steps = steps.to_string();
+        let settings = [
+            // The search never asks the geometry field: a small one shortens the training.
+            ("fields.geometry.width", "64"),
+            ("schedule.pretraining_steps", &steps),
+            ("schedule.steps", "1"),
+            ("schedule.preview_steps", "0"),
+            ("sampling.points", "600"),
+            ("optimiser.batch_frames", "1"),
+        ];
+        let settings = settings.map(|(key, value)| (key.to_owned(), value.to_owned()));
+        let config = Config::preset_with("paper-scan", &settings)?;
+        let subject = BuiltInSubject::new()?;
+        let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
+        let (frame, model, labels) = (subject.film(Split::Train, 1)?, subject.model(), subject.part_labels());
+        let mut unwatched = |_: Event<'_>| {};
+        let mut trainer =
+            Trainer::start(&config, TrainingFrames::Scans(&frame), model, labels, folder.path(), &mut unwatched)?;
+        trainer.run(&AtomicBool::new(false), &mut unwatched)?;
+        let avatar = trainer.avatar();
+        let parameters = &frame.frames()[0].parameters;
+        let vertices = model.pose(parameters)?.vertices.into_iter().cycle().take(points);
+        Ok(Self {
+            avatar,
+            bones: bone_rows(&model.canonical_to_posed(parameters)?),
+            points: vertices.map(|vertex| (vertex - parameters.transl).to_array()).collect(),
+        })
+    }
+
+    /// Searches on a field, once unmeasured and `repeats` times.
+    ///
+    /// # Errors
+    /// If the field cannot be baked on such a grid.
+    pub fn search(&self, searched: SearchedField, repeats: usize) -> Result<SearchSpeed> {
+        let Avatar { fields, config, subject, .. } = &self.avatar;
+        let baked = bake(&fields.skinning, searched, subject.bounds)?;
+        let warp = match &baked {
+            None => PosedWarp::new(&fields.skinning, None, &self.bones, None)?,
+            Some(baked) => PosedWarp::Voxels(baked.warp(&self.bones, None)?),
+        };
+        let groups = start_groups(Starts::Body)?;
+        let field = PosedField {
+            fields,
+            bones: &self.bones,
+            embedded: &[],
+            groups: &groups,
+            settings: &config.search,
+            warp: &warp,
+            bounds: subject.bounds,
+        };
+        let labels = vec![0; self.points.len()];
+        let found = field.candidates(&self.points, &labels)?.statistics;
+        let seconds = Seconds::of(repeats, || drop(field.candidates(&self.points, &labels)));
+        Ok(SearchSpeed {
+            roots: found.converged,
+            starts: found.starts,
+            evaluations: found.evaluations + found.polish_evaluations,
+            seconds,
+        })
+    }
+}
