@@ -61,6 +61,18 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
+    /// A file that is in none of the formats that it could be in.
+    #[error("{path}: no {what} that can be read:\n  {tried}\n{remedy}", path = path.display(), tried = tried.join("\n  "))]
+    Unrecognised {
+        /// The file.
+        path: PathBuf,
+        /// What was looked for.
+        what: &'static str,
+        /// Each format, and why the file is not in it.
+        tried: Vec<String>,
+        /// Where the formats are described.
+        remedy: &'static str,
+    },
     /// A value outside its range, or an array of the wrong shape, passed by a caller or a configuration.
     #[error("{name} is {found}, expected {expected}")]
     Value {

@@ -74,7 +74,9 @@ pub mod mannequin;
 pub mod mesh;
 mod picture_file;
 pub mod render;
+pub mod report;
 mod tensor_file;
 pub mod train;
+pub mod view;
 
 pub use error::{Error, Result};

@@ -106,6 +106,41 @@ fn mutated_archives_are_read_or_refused() {
 }
 
 #[test]
+fn damaged_motions_of_other_tools_are_noticed() {
+    for file in ["motions/smpler_x.npz", "motions/pymaf_x.pkl"] {
+        must_notice_truncation(file, 100, read_motion);
+        must_survive_mutation(file, 300, read_motion);
+    }
+    // The last number of the last frame can lose digits and still be one; one more cut cannot be told from the whole.
+    must_survive_mutation("motions/walk.bvh", 1000, read_motion);
+    let whole = fs::read(golden("motions/walk.bvh")).unwrap();
+    let scratch = Scratch::new("cut-file");
+    for length in (0..whole.len() - 20).step_by(13) {
+        let error = read_motion(scratch.with(&whole[..length])).unwrap_err();
+        assert!(error.to_string().contains("cut-file"), "{error}");
+    }
+}
+
+#[test]
+fn joblib_arrays_cannot_claim_more_than_the_file_has() {
+    let whole = fs::read(golden("motions/pymaf_x.pkl")).unwrap();
+    let place = whole.windows(5).position(|window| window == b"order").unwrap();
+    let scratch = Scratch::new("lie.pkl");
+    for byte in 0..=255u8 {
+        let mut bytes = whole.clone();
+        // Around the first array's shape, K\x03K\x03\x86: any extents at all.
+        for (offset, replaced) in bytes[place - 40..place].iter_mut().enumerate() {
+            if offset % 7 == usize::from(byte) % 7 {
+                *replaced = byte;
+            }
+        }
+        if let Err(error) = read_motion(scratch.with(&bytes)) {
+            assert!(error.to_string().contains("lie.pkl"), "{error}");
+        }
+    }
+}
+
+#[test]
 fn archives_whose_members_share_bytes_are_refused() {
     let scratch = Scratch::new("bomb.npz");
     let path = scratch.with(&[]);

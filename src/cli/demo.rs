@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{BodyModel, Gender};
 use xavatar::config::Config;
@@ -13,12 +13,13 @@ use xavatar::filming::{FilmedScans, Turntable};
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::mesh::{TriangleMesh, write_ply};
 use xavatar::render::write_png;
+use xavatar::report::{Fact, REPORT_FILE, Report, machine};
 use xavatar::train::{Ending, Trainer, TrainingFrames};
 
 use super::gallery::{Gallery, sheet_of_pictures};
 use super::json::JsonArgument;
 use super::progress::Progress;
-use super::{Outcome, outputs, stop};
+use super::{Outcome, outputs, report, stop};
 
 /// Train an avatar of a built-in subject, with no data, and show it in poses it has never seen
 #[derive(clap::Args)]
@@ -182,7 +183,7 @@ impl Demo {
         let canonical = avatar.extract_canonical(&canonical, size.resolution)?.mesh;
         write_ply(meshes.join("canonical.ply"), &canonical)?;
         let picture = self.out.join("demo.png");
-        gallery.write(&canonical, &picture)?;
+        let sheet = gallery.write(&canonical, &picture)?;
 
         progress.show("metrics", 0.0, "measuring");
         let evaluation = Evaluation {
@@ -194,19 +195,38 @@ impl Demo {
         };
         // Frames of one take are numbered from 1 in order.
         let predict = |frame: &ScanFrame| Ok(posed[frame.id.number as usize - 1].clone());
-        let report = evaluation.run(unseen.frames().iter().cloned().map(Ok), predict, |_| {})?;
+        let measured = evaluation.run(unseen.frames().iter().cloned().map(Ok), predict, |_| {})?;
         progress.finish();
-        outputs::write_json(&self.metrics_file(), &report)?;
+        let shown = report::best_and_worst(&measured, |name| {
+            let frame = unseen.frames().iter().find(|frame| frame.id.to_string() == name);
+            let frame = frame.context("a frame that was just measured is gone")?;
+            Ok((frame.clone(), predict(frame)?))
+        })?;
+        let page = self.out.join(REPORT_FILE);
+        Report {
+            title: report::title(&self.out),
+            command: report::command_line(),
+            avatar,
+            rig: report::dancing_rig(avatar, subject.model())?.as_ref(),
+            run: Some(&self.out),
+            evaluation: Some((&measured, "in poses that were not trained on".into())),
+            frames: shown,
+            pictures: vec![sheet],
+            facts: [vec![Fact::new("Data", "the built-in subject")], machine()].concat(),
+        }
+        .write(&page)?;
+        outputs::write_json(&self.metrics_file(), &measured)?;
         let table = format!(
-            "{} poses that were not trained on, against the subject's own surface\n{report}\
-             pictures {}\nmeshes   {}\nmetrics  {}\navatar   {}",
+            "{} poses that were not trained on, against the subject's own surface\n{measured}\
+             report   {}\npictures {}\nmeshes   {}\nmetrics  {}\navatar   {}",
             posed.len(),
+            page.display(),
             picture.display(),
             meshes.display(),
             self.metrics_file().display(),
             self.out.join(Avatar::FILE).display()
         );
-        self.json.print(&report, &table)?;
+        self.json.print(&measured, &table)?;
         Ok(Ending::Finished)
     }
 }

@@ -2,14 +2,17 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::ValueEnum;
 use xavatar::avatar::{Animator, Avatar};
+use xavatar::data::ScanFrame;
 use xavatar::evaluate::{Evaluation, SmplxD};
+use xavatar::report::{REPORT_FILE, Report, machine};
 
-use super::Outcome;
 use super::inputs::{Split, SubjectArguments, SubjectFrames};
 use super::json::JsonArgument;
 use super::progress::Progress;
+use super::{Outcome, outputs, report};
 
 /// Measure an avatar against the scans of unseen frames
 #[derive(clap::Args)]
@@ -30,6 +33,9 @@ pub struct Eval {
     /// Cells along the longest side of the box around the body
     #[arg(long, value_name = "R", default_value_t = 256, value_parser = super::extract::resolution)]
     resolution: usize,
+    /// Write a page with metrics, pictures and the avatar to play with here [default: report.html in the run's folder, anew]
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     json: JsonArgument,
 }
@@ -44,6 +50,9 @@ enum Baseline {
 impl Eval {
     pub fn run(self) -> anyhow::Result<Outcome> {
         self.json.check()?;
+        if let Some(page) = &self.report {
+            outputs::new_file(page)?;
+        }
         let avatar = Avatar::load(&self.avatar)?;
         let opened = self.subject.open()?;
         let subject = &opened.subject;
@@ -66,17 +75,39 @@ impl Eval {
         let animator = Animator::new(&avatar, &opened.body, &opened.labels)?;
         let mut progress = Progress::new();
         let (mut done, total) = (0, files.len());
-        let report = evaluation.run(
-            frames.iter(),
-            |frame| Ok(animator.extract(&frame.parameters, self.resolution)?.mesh),
-            |frame| {
-                done += 1;
-                let distance = frame.metrics.all.map_or_else(String::new, |all| format!("  CD {:.2} mm", all.cd_mm));
-                progress.show("frames", f64::from(done) / total as f64, &format!("{}{distance}", frame.frame));
-            },
-        )?;
+        let predict = |frame: &ScanFrame| Ok(animator.extract(&frame.parameters, self.resolution)?.mesh);
+        let measured = evaluation.run(frames.iter(), predict, |frame| {
+            done += 1;
+            let distance = frame.metrics.all.map_or_else(String::new, |all| format!("  CD {:.2} mm", all.cd_mm));
+            progress.show("frames", f64::from(done) / total as f64, &format!("{}{distance}", frame.frame));
+        })?;
         progress.finish();
-        self.json.print(&report, &report)?;
+        self.json.print(&measured, &measured)?;
+        let Some(page) = self.page() else { return Ok(Outcome::Done) };
+        let shown = report::best_and_worst(&measured, |name| {
+            let frame = frames.named(name).context("a frame that was just measured is gone")??;
+            let mesh = predict(&frame)?;
+            Ok((frame, mesh))
+        })?;
+        let rig = report::dancing_rig(&avatar, &opened.body)?;
+        Report {
+            title: report::title(&self.avatar),
+            command: report::command_line(),
+            avatar: &avatar,
+            rig: rig.as_ref(),
+            run: self.avatar.is_dir().then_some(&self.avatar),
+            evaluation: Some((&measured, format!("of the {} split", self.split.name()))),
+            frames: shown,
+            pictures: Vec::new(),
+            facts: [report::data_facts(&self.subject, &opened.body, &opened.labels), machine()].concat(),
+        }
+        .write(&page)?;
+        log::info!("report: {}", page.display());
         Ok(Outcome::Done)
+    }
+
+    /// Where the page goes: as asked, or into the run's folder; a lone avatar gets none unasked.
+    fn page(&self) -> Option<PathBuf> {
+        self.report.clone().or_else(|| self.avatar.is_dir().then(|| self.avatar.join(REPORT_FILE)))
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use xavatar::avatar::{Avatar, Extraction};
 use xavatar::body::BodyModel;
-use xavatar::data::read_motion;
+use xavatar::data::{Clip, MotionOptions, RestPose};
 use xavatar::mesh::{FINEST_RESOLUTION, TriangleMesh, write_obj, write_ply};
 
 use super::inputs::load_body;
@@ -42,7 +42,9 @@ impl Extract {
         let Extraction { mesh, dropped_components } = match (&self.pose, &self.body) {
             (Some(pose), Some(body)) => {
                 let (body, labels) = load_body(body, avatar.subject.gender)?;
-                let parameters = read_motion(pose)?.frames.into_iter().next().unwrap_or_default();
+                let rest = RestPose::of_canonical(&avatar.subject.joints)?;
+                let clip = Clip::load(pose, &MotionOptions { rest, ..MotionOptions::default() })?;
+                let parameters = clip.frames.into_iter().next().unwrap_or_default();
                 avatar.extract_posed(&body, &labels, &parameters, self.resolution)?
             }
             _ => avatar.extract_canonical(&BodyModel::canonical_parameters(&avatar.subject.betas), self.resolution)?,

@@ -28,8 +28,8 @@ impl Gallery {
         self.poses.push((scan.clone(), mesh.clone()));
     }
 
-    /// Writes the sheet, the canonical pose beside the others.
-    pub fn write(self, canonical: &TriangleMesh, path: &Path) -> Result<()> {
+    /// Writes the sheet, the canonical pose beside the others, and returns it.
+    pub fn write(self, canonical: &TriangleMesh, path: &Path) -> Result<RgbImage> {
         let scans: Vec<&[Vec3]> = self.poses.iter().map(|(scan, _)| scan.vertices.as_slice()).collect();
         let cameras = framing_row(&scans, THREE_QUARTER, self.height)?;
         let [mut subject, mut avatar, mut shape] = [Vec::new(), Vec::new(), Vec::new()];
@@ -49,7 +49,9 @@ impl Gallery {
         for (row, view, label) in columns {
             row.push(Tile::new(scene.render(&camera, view)?, label));
         }
-        write_png(path, &contact_sheet(&[subject, avatar, shape])?)
+        let sheet = contact_sheet(&[subject, avatar, shape])?;
+        write_png(path, &sheet)?;
+        Ok(sheet)
     }
 }
 

@@ -9,7 +9,10 @@ use serde::Serialize;
 use xavatar::avatar::{Avatar, Subject};
 use xavatar::body::{BodyModel, Gender, PartLabels};
 use xavatar::config::Config;
-use xavatar::data::{Array, ArrayMap, Value, read_motion, read_npy, read_npz, read_pickle, read_pickle_arrays};
+use xavatar::data::{
+    Array, ArrayMap, Clip, Motion, MotionOptions, Value, read_motion, read_npy, read_npz, read_pickle,
+    read_pickle_arrays,
+};
 use xavatar::fields::FIELD_NAMES;
 use xavatar::mesh::{Colouring, Topology, read_mesh};
 
@@ -21,7 +24,7 @@ use super::json::JsonArgument;
 #[command(after_help = "Examples:\n  \
     xavatar info runs/00016\n  xavatar info models/smplx/SMPLX_NEUTRAL.npz\n  xavatar info runs/00016 --json -")]
 pub struct Info {
-    /// A run's folder, .safetensors, .npz, .npy, .pkl, .ply or .obj
+    /// A run's folder, .safetensors, .npz, .npy, .pkl, .bvh, .ply or .obj
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
@@ -45,8 +48,11 @@ impl Info {
                 Value::Array(array) => Content::Array(ArrayDescription::of(&array)),
                 value => Content::Pickle { holds: value.kind() },
             },
+            "bvh" => of_motion(read_motion(path)?, Arrays::new()),
             "ply" | "obj" => of_mesh(path)?,
-            _ => bail!("{}: expected a run's folder, .safetensors, .npz, .npy, .pkl, .ply or .obj", path.display()),
+            _ => {
+                bail!("{}: expected a run's folder, .safetensors, .npz, .npy, .pkl, .bvh, .ply or .obj", path.display())
+            }
         };
         self.json.print(&content, &content)?;
         Ok(Outcome::Done)
@@ -60,7 +66,7 @@ enum Content {
     Avatar(Box<AvatarDescription>),
     BodyModel { gender: Option<Gender>, vertices: usize, faces: usize, part_labels: String, arrays: Arrays },
     UnusableBodyModel { problem: String, arrays: Arrays },
-    Motion { frames: usize, frames_per_second: Option<f32>, source: String, arrays: Arrays },
+    Motion { frames: usize, frames_per_second: Option<f32>, source: String, report: Vec<String>, arrays: Arrays },
     Arrays { arrays: Arrays },
     Array(ArrayDescription),
     Pickle { holds: &'static str },
@@ -116,14 +122,16 @@ fn of_arrays(path: &Path, arrays: &ArrayMap) -> Content {
         return of_body(path, arrays, described);
     }
     match read_motion(path) {
-        Ok(motion) => Content::Motion {
-            frames: motion.frames.len(),
-            frames_per_second: motion.frames_per_second,
-            source: motion.source,
-            arrays: described,
-        },
+        Ok(motion) => of_motion(motion, described),
         Err(_) => Content::Arrays { arrays: described },
     }
+}
+
+fn of_motion(motion: Motion, arrays: Arrays) -> Content {
+    let (frames, frames_per_second, source) = (motion.frames.len(), motion.frames_per_second, motion.source.clone());
+    let report =
+        Clip::of(motion, &MotionOptions::default()).map_or_else(|error| vec![error.to_string()], |clip| clip.report);
+    Content::Motion { frames, frames_per_second, source, report, arrays }
 }
 
 fn of_body(path: &Path, arrays: &ArrayMap, described: Arrays) -> Content {
@@ -171,9 +179,8 @@ impl fmt::Display for Content {
                 writeln!(formatter, "not a usable body model: {problem}")?;
                 write_arrays(formatter, arrays)
             }
-            Self::Motion { frames, frames_per_second, source, arrays } => {
-                let rate = frames_per_second.map_or_else(String::new, |rate| format!(" at {rate} frames/s"));
-                writeln!(formatter, "motion: {frames} frames{rate}; {source}")?;
+            Self::Motion { report, arrays, .. } => {
+                report.iter().try_for_each(|line| writeln!(formatter, "{line}"))?;
                 write_arrays(formatter, arrays)
             }
             Self::Arrays { arrays } => write_arrays(formatter, arrays),

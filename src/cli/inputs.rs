@@ -27,6 +27,13 @@ pub enum Split {
 }
 
 impl Split {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Train => "training",
+            Self::Test => "test",
+        }
+    }
+
     pub fn files(self, subject: &Subject) -> &[FrameFiles] {
         match self {
             Self::Train => &subject.train,
@@ -74,6 +81,12 @@ impl SubjectFrames {
             betas: subject.betas,
             gender: subject.gender,
         }
+    }
+
+    /// The frame of this name (`split/sequence/number`), if there is one.
+    pub fn named(&self, name: &str) -> Option<xavatar::Result<ScanFrame>> {
+        let index = self.ids.iter().position(|id| id.to_string() == name)?;
+        Some(self.read(index))
     }
 
     /// How many there are.

@@ -29,9 +29,11 @@ mod pointcloud;
 mod progress;
 mod render;
 mod render_rgbd;
+mod report;
 mod stop;
 mod train;
 mod training;
+mod view;
 
 use std::process::ExitCode;
 
@@ -75,6 +77,7 @@ enum Verb {
     Doctor(doctor::Doctor),
     #[command(name = "pointcloud")]
     PointCloud(pointcloud::PointCloudOf),
+    View(view::View),
     RenderRgbd(render_rgbd::RenderRgbd),
     Completions(completions::Completions),
 }
@@ -139,6 +142,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Info(verb) => verb.run(),
         Verb::Doctor(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),
+        Verb::View(verb) => verb.run(),
         Verb::RenderRgbd(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
     }

@@ -1,8 +1,9 @@
 //! What verbs that take a motion have in common: how it is read, and what is printed about it.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
@@ -33,6 +34,9 @@ pub struct MotionArguments {
     /// What becomes of the path through the world
     #[arg(long, value_enum, default_value_t = Travel::Keep)]
     translation: Travel,
+    /// For BVH: a TOML file with lines such as "Hips" = "pelvis", where bones have names that are not known
+    #[arg(long, value_name = "FILE")]
+    bone_map: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -90,7 +94,7 @@ impl MotionArguments {
         Ok(first - 1..last)
     }
 
-    fn options(&self, avatar: &Avatar) -> xavatar::Result<MotionOptions> {
+    fn options(&self, avatar: &Avatar) -> anyhow::Result<MotionOptions> {
         Ok(MotionOptions {
             up: self.up.map(|up| match up {
                 Up::Y => UpAxis::Y,
@@ -112,8 +116,14 @@ impl MotionArguments {
                 Travel::None => Translation::None,
             },
             rest: RestPose::of_canonical(&avatar.subject.joints)?,
+            bone_map: self.bone_map.as_deref().map(read_bone_map).transpose()?,
         })
     }
+}
+
+fn read_bone_map(path: &Path) -> anyhow::Result<BTreeMap<String, String>> {
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    toml::from_str(&text).with_context(|| format!("{}: expected lines such as \"Hips\" = \"pelvis\"", path.display()))
 }
 
 fn positive(text: &str) -> Result<f32, String> {

@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use anyhow::bail;
 use xavatar::avatar::Avatar;
 use xavatar::config::Config;
+use xavatar::report::{REPORT_FILE, Report, machine};
 use xavatar::train::{Ending, Trainer};
 
 use super::captured::{Captured, Kind};
 use super::inputs::SubjectArguments;
 use super::progress::Progress;
 use super::training::TrainingArguments;
-use super::{Outcome, WrongUsage, outputs, stop};
+use super::{Outcome, WrongUsage, outputs, report, stop};
 
 /// Train an avatar from a subject's scans, or from the pictures of an RGB-D camera
 #[derive(clap::Args)]
@@ -61,12 +62,31 @@ impl Train {
             return Ok(Outcome::Stopped);
         }
         println!("{}", self.out.join(Avatar::FILE).display());
+        log::info!("report: {}", self.write_report(&trainer.avatar(), &opened)?.display());
         log::info!(
             "try next\n  xavatar eval {out} {data} --body {body} --split test --baseline smplx+d\n  \
              xavatar extract {out} --out canonical.ply\n  \
              xavatar animate {out} {data}/test/SEQUENCE --body {body} --out {out}/animation"
         );
         Ok(Outcome::Done)
+    }
+
+    fn write_report(&self, avatar: &Avatar, opened: &Captured) -> anyhow::Result<PathBuf> {
+        let path = self.out.join(REPORT_FILE);
+        let rig = report::dancing_rig(avatar, &opened.body)?;
+        Report {
+            title: report::title(&self.out),
+            command: report::command_line(),
+            avatar,
+            rig: rig.as_ref(),
+            run: Some(&self.out),
+            evaluation: None,
+            frames: Vec::new(),
+            pictures: Vec::new(),
+            facts: [report::data_facts(&self.subject, &opened.body, &opened.labels), machine()].concat(),
+        }
+        .write(&path)?;
+        Ok(path)
     }
 
     fn new_configuration(&self, kind: Kind) -> anyhow::Result<Config> {

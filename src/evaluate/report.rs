@@ -42,6 +42,14 @@ impl Report {
         (!measured.is_empty()).then(|| mean(measured.into_iter()))
     }
 
+    /// The frames with the smallest and the largest chamfer distance of the whole body; none if none has one.
+    pub fn best_and_worst(&self) -> Option<(&FrameReport, &FrameReport)> {
+        let distance = |frame: &&FrameReport| frame.metrics.all.map_or(f64::NAN, |all| all.cd_mm);
+        let measured = || self.per_frame.iter().filter(|frame| frame.metrics.all.is_some());
+        let order = |a: &&FrameReport, b: &&FrameReport| distance(a).total_cmp(&distance(b));
+        measured().min_by(order).zip(measured().max_by(order))
+    }
+
     /// In how many frames each part of the prediction could not be measured.
     pub fn missing(&self) -> Parts<usize> {
         let count = |part: fn(&FrameMetrics) -> Option<PartMetrics>| {
@@ -161,6 +169,14 @@ mod tests {
         let report = report(false);
         assert_eq!(report.mean(), Parts { all: part(2.0), hands: part(5.0), face: None });
         assert_eq!(report.missing(), Parts { all: 0, hands: 1, face: 3 });
+    }
+
+    #[test]
+    fn best_and_worst_are_told_by_the_whole_body() {
+        let report = report(false);
+        let (best, worst) = report.best_and_worst().unwrap();
+        assert_eq!([&best.frame, &worst.frame], ["test/Take1/f00001", "test/Take1/f00003"]);
+        assert!(Report::default().best_and_worst().is_none());
     }
 
     #[test]

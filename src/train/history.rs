@@ -1,38 +1,81 @@
-//! What a run has noted in its `metrics.jsonl`.
+//! What a run has noted: the steps in its `metrics.jsonl`, the pictures in its `previews/`.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
 use super::Stage;
 use super::metrics_log::METRICS;
+use super::trainer::PREVIEWS;
 use crate::{Error, Result};
 
-/// Mean wall time of a run's steps on frames, seconds; none if it has made none.
+/// A step as it was noted: what of a [`StepRecord`](super::StepRecord) is looked at later.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct NotedStep {
+    /// The stage.
+    pub stage: Stage,
+    /// Steps done in this stage.
+    pub step: u64,
+    /// Wall time of the step.
+    pub seconds: f64,
+    /// Points drawn, on and off the surface.
+    pub points: usize,
+    /// Loss terms, unweighted, and their weighted sum `total`.
+    pub losses: BTreeMap<String, f64>,
+}
+
+/// Whether a run has noted anything.
+pub fn has_notes(run: &Path) -> bool {
+    run.join(METRICS).is_file()
+}
+
+/// The steps that a run has made, in order.
 ///
 /// # Errors
 /// [`Error::Io`] if the run has no metrics, [`Error::Malformed`] if they are not a trainer's.
-pub fn seconds_per_step(run: &Path) -> Result<Option<f64>> {
-    #[derive(Deserialize)]
-    struct Step {
-        stage: Stage,
-        seconds: f64,
-    }
+pub fn noted_steps(run: &Path) -> Result<Vec<NotedStep>> {
     let path = run.join(METRICS);
     let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
-    let (mut seconds, mut steps) = (0.0, 0);
-    for (number, line) in (1..).zip(text.lines()) {
-        let step: Step = serde_json::from_str(line).map_err(|error| Error::Malformed {
+    let parse = |(number, line): (usize, &str)| {
+        serde_json::from_str(line).map_err(|error| Error::Malformed {
             path: path.clone(),
             format: "metrics",
             place: format!("line {number}"),
             found: error.to_string(),
             expected: "a step as the trainer writes it".into(),
-        })?;
-        if step.stage == Stage::Frames {
-            seconds += step.seconds;
-            steps += 1;
-        }
+        })
+    };
+    (1..).zip(text.lines()).map(parse).collect()
+}
+
+/// Mean wall time of a run's steps on frames, seconds; none if it has made none.
+///
+/// # Errors
+/// As [`noted_steps`].
+pub fn seconds_per_step(run: &Path) -> Result<Option<f64>> {
+    let steps = noted_steps(run)?;
+    let seconds: Vec<f64> = steps.iter().filter(|step| step.stage == Stage::Frames).map(|step| step.seconds).collect();
+    Ok((!seconds.is_empty()).then(|| seconds.iter().sum::<f64>() / seconds.len() as f64))
+}
+
+/// The previews of a run with the steps after which they were made, in order; none if it made none.
+///
+/// # Errors
+/// [`Error::Io`] if their folder cannot be read.
+pub fn previews(run: &Path) -> Result<Vec<(u64, PathBuf)>> {
+    let folder = run.join(PREVIEWS);
+    if !folder.is_dir() {
+        return Ok(Vec::new());
     }
-    Ok((steps > 0).then(|| seconds / f64::from(steps)))
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(&folder).map_err(Error::io(&folder))? {
+        let path = entry.map_err(Error::io(&folder))?.path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let step =
+            name.strip_prefix("step-").and_then(|name| name.strip_suffix(".png")).and_then(|step| step.parse().ok());
+        found.extend(step.map(|step| (step, path)));
+    }
+    found.sort();
+    Ok(found)
 }

@@ -31,7 +31,7 @@ use crate::render::write_png;
 use crate::{Error, Result};
 
 const CONFIG: &str = "config.toml";
-const PREVIEWS: &str = "previews";
+pub(super) const PREVIEWS: &str = "previews";
 /// Weight of the past in the running mean of the loss.
 const LOSS_MEMORY: f64 = 0.98;
 /// Largest share of a time limit that stage 0 may take.

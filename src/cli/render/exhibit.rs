@@ -1,11 +1,15 @@
 //! What stands in front of the camera in one pose: the avatar, its mesh in other colours, and the scan.
 
 use clap::ValueEnum;
+use image::{Rgb, RgbImage, imageops};
 use xavatar::body::{PartLabels, Registration};
 use xavatar::mesh::{Colouring, SurfaceIndex, TriangleMesh};
 use xavatar::render::{
     Camera, ColourMap, PART_NAMES, Scene, Tile, View, draw_names, draw_scale, part_colours, weight_colours,
 };
+
+/// Rows of a legend, pixels.
+const LEGEND: u32 = 48;
 
 /// A kind of picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -71,7 +75,7 @@ impl Panels {
 
 /// The meshes of one pose.
 pub struct Exhibit {
-    pub avatar: TriangleMesh,
+    avatar: TriangleMesh,
     scan: Option<TriangleMesh>,
     /// The avatar's mesh in the colours of these panels.
     recoloured: Vec<(Panel, TriangleMesh)>,
@@ -112,9 +116,15 @@ impl Exhibit {
         Ok(Self { avatar, scan, recoloured, mean_error })
     }
 
+    /// All that has to be in the picture.
+    pub fn vertices(&self) -> Vec<glam::Vec3> {
+        let scan = self.scan.iter().flat_map(|scan| &scan.vertices);
+        self.avatar.vertices.iter().chain(scan).copied().collect()
+    }
+
     /// The height that it stands on, metres.
     pub fn lowest(&self) -> f32 {
-        self.avatar.vertices.iter().map(|vertex| vertex.y).fold(f32::MAX, f32::min)
+        self.vertices().iter().map(|vertex| vertex.y).fold(f32::MAX, f32::min)
     }
 
     /// Makes the meshes ready for pictures, on a floor at this height.
@@ -128,6 +138,14 @@ impl Exhibit {
         let recoloured = self.recoloured.iter().map(|(panel, mesh)| Ok((*panel, Scene::new(mesh)?)));
         Ok(Scenes { exhibit: self, avatar, scan, recoloured: recoloured.collect::<xavatar::Result<_>>()? })
     }
+}
+
+/// The picture with room for a legend below it.
+fn with_strip(picture: &RgbImage) -> RgbImage {
+    let (width, height) = picture.dimensions();
+    let mut taller = RgbImage::from_pixel(width, height + LEGEND, Rgb([255; 3]));
+    imageops::replace(&mut taller, picture, 0, 0);
+    taller
 }
 
 /// An exhibit's meshes, lit.
@@ -159,10 +177,14 @@ impl Scenes<'_> {
         let mut picture = scene.render(camera, view)?;
         let mut label = panel.name().to_owned();
         match panel {
-            Panel::Parts => draw_names(&mut picture, &PART_NAMES),
+            Panel::Parts => {
+                picture = with_strip(&picture);
+                draw_names(&mut picture, &PART_NAMES);
+            }
             Panel::Error => {
+                picture = with_strip(&picture);
                 draw_scale(&mut picture, ColourMap::Heat, panels.largest_error, "mm");
-                label = format!("error, mean {:.1} mm", self.exhibit.mean_error);
+                label = format!("mean {:.1} mm", self.exhibit.mean_error);
             }
             _ => {}
         }

@@ -181,7 +181,8 @@ impl Render {
             progress.show("meshes", index as f64 / chosen.len() as f64, &format!("{} of {}", index + 1, chosen.len()));
             exhibits.push(studio.exhibit(moment)?);
         }
-        let bodies: Vec<&[glam::Vec3]> = exhibits.iter().map(|exhibit| exhibit.avatar.vertices.as_slice()).collect();
+        let places: Vec<Vec<glam::Vec3>> = exhibits.iter().map(Exhibit::vertices).collect();
+        let bodies: Vec<&[glam::Vec3]> = places.iter().map(Vec::as_slice).collect();
         // One pose turned, or each pose from the same side.
         let shown: Vec<(&Exhibit, Camera)> = if self.turntable {
             let camera = FilmCameras::around(bodies[0], (self.size.0, self.size.1))?;

@@ -1,5 +1,6 @@
 //! From a file of any format to frames that can animate any avatar: what is detected, what the user declares, what is reported.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::Vec3;
@@ -7,7 +8,7 @@ use glam::Vec3;
 use super::conventions::{HandConvention, Translation, UpAxis};
 use super::rest::RestPose;
 use super::timing::{resampled, smoothed};
-use super::{Motion, dance, read_motion_onto};
+use super::{Motion, Onto, dance, detect};
 use crate::body::{BodyParameters, HandPose, PoseAxisAngle};
 use crate::{Error, Result};
 
@@ -33,6 +34,8 @@ pub struct MotionOptions {
     pub translation: Translation,
     /// The skeleton at rest that motions of other skeletons (BVH) are turned onto.
     pub rest: RestPose,
+    /// Which bone of such a skeleton is which SMPL-X joint, where its names do not say.
+    pub bone_map: Option<BTreeMap<String, String>>,
 }
 
 /// Frames ready to animate an avatar: Y up, at a known rate.
@@ -71,7 +74,7 @@ impl Clip {
                 ..Motion::default()
             }
         } else {
-            read_motion_onto(path, &options.rest)?
+            detect::read(path, &Onto { rest: &options.rest, bone_map: options.bone_map.as_ref() })?
         };
         Self::of(motion, options)
     }

@@ -15,9 +15,11 @@ use crate::data::fields::{Fields, rotations};
 const FORMAT: &str = "GRAB motion";
 const PARAMETERS: &str = "body.params.";
 
-pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), &'static str> {
+pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
     let key = |name: &str| arrays.contains_key(&format!("{PARAMETERS}{name}"));
-    (key("body_pose") || key("fullpose")).then_some(()).ok_or("GRAB: no `body.params.body_pose` or `.fullpose`")
+    (key("body_pose") || key("fullpose"))
+        .then_some(())
+        .ok_or_else(|| "no `body.params.body_pose` or `.fullpose`".into())
 }
 
 pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {

@@ -1,25 +1,28 @@
 //! Motions: sequences of SMPL-X parameters to animate an avatar with (docs/motion.md).
 //!
-//! Read from X-Humans `SMPLX` folders, AMASS and GRAB archives, and our own npz, which is also written. A [`Motion`] is what
+//! Read from X-Humans `SMPLX` folders, AMASS and GRAB archives, what pose estimators write, BVH, and our own npz, which is
+//! also written. A [`Motion`] is what
 //! its source says, in the source's conventions, which are types; a [`Clip`] is what any avatar can be animated with. T frames;
 //! radians, metres.
 
 mod amass;
+mod bvh;
 mod clip;
 mod conventions;
 mod dance;
+mod detect;
 mod frames;
 mod grab;
+mod named;
 mod own;
 mod rest;
 mod timing;
 
-use std::path::{Path, PathBuf};
+use std::collections::BTreeMap;
+use std::path::Path;
 
-use super::xhumans::{motion_files, parameters_of};
-use super::{ArrayMap, read_npz, read_pickle_arrays};
+use crate::Result;
 use crate::body::BodyParameters;
-use crate::{Error, Result};
 
 pub use clip::{Clip, MotionOptions};
 pub use conventions::{HandConvention, Translation, UpAxis};
@@ -45,89 +48,19 @@ pub struct Motion {
     pub notes: Vec<String>,
 }
 
-/// Reads a motion: a folder of X-Humans frames (or a sequence's folder with `SMPLX` in it), one such frame, or an npz file.
+/// Reads a motion of any format (docs/motion.md): a file, or a folder of one file a frame.
 ///
 /// # Errors
-/// [`Error::Missing`] if nothing is there; [`Error::Mismatch`] listing each format and what it lacks if the file is in none;
-/// [`Error::Malformed`] naming the array, or the frame's file, that breaks its format.
+/// [`Error::Missing`] if nothing is there; [`Error::Unrecognised`] listing the formats and why the file is in none;
+/// [`Error::Malformed`] naming the place that breaks the file's format; [`Error::Refused`] for a pickle that would run code.
 pub fn read_motion(path: impl AsRef<Path>) -> Result<Motion> {
-    read_motion_onto(path.as_ref(), &RestPose::default())
+    detect::read(path.as_ref(), &Onto { rest: &RestPose::default(), bone_map: None })
 }
 
-/// Reads a motion for a body with this skeleton, onto which motions of other skeletons are turned.
-fn read_motion_onto(path: &Path, _rest: &RestPose) -> Result<Motion> {
-    if path.is_dir() {
-        return read_folder(path);
-    }
-    if path.is_file() && path.extension().is_some_and(|extension| extension == "pkl") {
-        return read_frames(path, &[path.into()]);
-    }
-    if !path.is_file() {
-        return Err(Error::Missing {
-            path: path.into(),
-            what: "a motion".into(),
-            remedy: "give an npz file, or a folder of X-Humans SMPLX/*.pkl or one of them".into(),
-        });
-    }
-    let arrays = read_npz(path)?;
-    for (recognised, read) in FORMATS {
-        if recognised(&arrays).is_ok() {
-            return read(path, &arrays);
-        }
-    }
-    let lacks: Vec<&str> = FORMATS.iter().filter_map(|(recognised, _)| recognised(&arrays).err()).collect();
-    Err(Error::Mismatch {
-        path: path.into(),
-        found: format!("arrays {}", arrays.keys().map(String::as_str).collect::<Vec<_>>().join(", ")),
-        expected: format!("a motion ({})", lacks.join("; ")),
-        remedy: "see docs/motion.md for the formats".into(),
-    })
-}
-
-/// Whether arrays are in a format, or what they lack; and its reader.
-type Format = (fn(&ArrayMap) -> std::result::Result<(), &'static str>, fn(&Path, &ArrayMap) -> Result<Motion>);
-
-const FORMATS: [Format; 3] =
-    [(own::recognised, own::read), (amass::recognised, amass::read), (grab::recognised, grab::read)];
-
-fn read_folder(folder: &Path) -> Result<Motion> {
-    let files = motion_files(folder)?;
-    if files.is_empty() {
-        return Err(Error::Missing {
-            path: folder.into(),
-            what: "a frame (mesh-f00001_smplx.pkl)".into(),
-            remedy: "give the SMPLX folder of an X-Humans sequence, or an npz file".into(),
-        });
-    }
-    read_frames(folder, &files)
-}
-
-/// The frames of X-Humans parameter files.
-fn read_frames(source: &Path, files: &[PathBuf]) -> Result<Motion> {
-    let frame = |file: &Path| parameters_of(file, &read_pickle_arrays(file)?);
-    let frames = files.iter().map(|file| frame(file)).collect::<Result<_>>()?;
-    Ok(Motion {
-        frames,
-        source: format!("{} (X-Humans frames)", source.display()),
-        zeroed: vec!["betas".into()],
-        up_is_certain: true,
-        ..Motion::default()
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::data::{Array, write_npz};
-
-    #[test]
-    fn a_file_in_no_format_is_told_what_each_lacks() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("weights.npz");
-        write_npz(&path, &ArrayMap::from([("lin0".into(), Array::from_f32(&[1], vec![0.0]))])).unwrap();
-        let message = read_motion(&path).unwrap_err().to_string();
-        for word in ["lin0", "body_pose", "poses", "body.params", "AMASS", "GRAB"] {
-            assert!(message.contains(word), "{message}");
-        }
-    }
+/// What motions of other skeletons (BVH) are turned onto.
+struct Onto<'a> {
+    /// SMPL-X's skeleton at rest.
+    rest: &'a RestPose,
+    /// Which bone is which joint, where the bones' names do not say.
+    bone_map: Option<&'a BTreeMap<String, String>>,
 }

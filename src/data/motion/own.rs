@@ -12,8 +12,31 @@ use crate::{Error, Result};
 const FORMAT: &str = "motion npz";
 const CONVENTIONS: &str = "flat, relative_to_mean or pca";
 
-pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), &'static str> {
-    arrays.contains_key("body_pose").then_some(()).ok_or("motion npz: no `body_pose`")
+/// Every array that the format has.
+const ARRAYS: [&str; 12] = [
+    "body_pose",
+    "global_orient",
+    "transl",
+    "jaw_pose",
+    "left_eye_pose",
+    "right_eye_pose",
+    "left_hand_pose",
+    "right_hand_pose",
+    "hand_convention",
+    "expression",
+    "betas",
+    "frames_per_second",
+];
+
+pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
+    let Some(body) = arrays.get("body_pose") else { return Err("no `body_pose`".into()) };
+    match arrays.keys().find(|key| !ARRAYS.contains(&key.as_str())) {
+        Some(other) => Err(format!("`{other}` is none of its arrays")),
+        None if !matches!(body.shape[..], [_, 63]) => {
+            Err(format!("`body_pose` is {}, not (T, 63)", body.description()))
+        }
+        None => Ok(()),
+    }
 }
 
 pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {

@@ -9,9 +9,9 @@ use std::sync::Arc;
 
 use super::machine::Machine;
 use super::node::{Node, NodeId, Object};
-use super::object::is_known_class;
+use super::object::{is_inline_array, is_known_class};
 use super::tensors::is_passed_over;
-use crate::data::element::{ElementKind, ElementType};
+use crate::data::element::{ElementKind, ElementType, element_count};
 use crate::data::fault::{Fault, excerpt};
 
 impl<'a> Machine<'a> {
@@ -85,6 +85,9 @@ impl<'a> Machine<'a> {
                 }
                 ref other => return Err(self.broken(format_args!("{} items", other.len()), "an array's 5 items")),
             },
+            Node::Object(object) if object.state.is_none() && is_inline_array(&object.class) => {
+                self.inline_array(state)?
+            }
             Node::Object(object) if object.state.is_none() => {
                 Node::Object(Box::new(Object { class: object.class.clone(), state: Some(state) }))
             }
@@ -95,14 +98,47 @@ impl<'a> Machine<'a> {
     }
 
     fn array(&mut self, shape: NodeId, element: NodeId, fortran_order: bool, data: NodeId) -> Result<Node<'a>, Fault> {
-        let element = self.element_type(element)?;
+        let (element, shape) = (self.element_type(element)?, self.extents(shape)?);
+        self.array_of(shape, element, fortran_order, data)
+    }
+
+    fn extents(&self, shape: NodeId) -> Result<Vec<usize>, Fault> {
         let extent = |&extent: &NodeId| match self.nodes[extent as usize] {
             Node::Int(extent) => usize::try_from(extent).ok(),
             _ => None,
         };
         let shape: Option<Vec<usize>> = self.tuple_items(shape)?.iter().map(extent).collect();
-        let shape = shape.ok_or_else(|| self.broken("something else", "non-negative extents"))?;
-        self.array_of(shape, element, fortran_order, data)
+        shape.ok_or_else(|| self.broken("something else", "non-negative extents"))
+    }
+
+    /// An array as joblib stores it: its shape and type are an object's state, its bytes follow right there, after padding.
+    fn inline_array(&mut self, state: NodeId) -> Result<Node<'a>, Fault> {
+        let Node::Dict(entries) = &self.nodes[state as usize] else {
+            return Err(self.broken(self.nodes[state as usize].kind(), "the state of a joblib array"));
+        };
+        let entry = |name: &str| {
+            let named =
+                |(key, _): &&(NodeId, NodeId)| matches!(&self.nodes[*key as usize], Node::Text(key) if key == name);
+            entries.iter().rev().find(named).map(|(_, value)| *value)
+        };
+        let (Some(shape), Some(element), Some(order)) = (entry("shape"), entry("dtype"), entry("order")) else {
+            return Err(self.broken("an incomplete state", "shape, dtype and order of a joblib array"));
+        };
+        let is_padded =
+            entry("numpy_array_alignment_bytes").is_some_and(|id| !matches!(self.nodes[id as usize], Node::None));
+        let fortran_order = matches!(&self.nodes[order as usize], Node::Text(order) if order == "F");
+        let (element_type, shape) = (self.element_type(element)?, self.extents(shape)?);
+        if element_type.kind == ElementKind::Object {
+            return Err(Fault::refused("a joblib array of Python objects"));
+        }
+        if is_padded {
+            let padding = self.cursor.byte()?.into();
+            self.cursor.take(padding)?;
+        }
+        let bytes = element_count(&shape)?.saturating_mul(element_type.size);
+        let bytes = self.cursor.take(bytes)?;
+        let data = self.add(Node::Bytes(Cow::Borrowed(bytes)))?;
+        self.array_of(shape, element_type, fortran_order, data)
     }
 
     fn array_of(

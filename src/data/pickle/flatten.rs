@@ -8,7 +8,8 @@ use crate::data::fault::Fault;
 use crate::data::{Array, ArrayData, ArrayMap};
 
 /// Adds everything under `value` that has an array form to `arrays`: a dict's entries as `name.key` (or `key`, where
-/// `name` is empty), a list with a single dict in it as that dict, nested lists of numbers as one array.
+/// `name` is empty), a list with a single dict in it as that dict, the items of a list of dicts as `name[0]`, `name[1]`, ...,
+/// nested lists of numbers as one array.
 pub(in crate::data) fn flatten(
     name: &str,
     value: Value,
@@ -36,6 +37,14 @@ fn insert(name: &str, value: Value, budget: &mut Budget, arrays: &mut ArrayMap) 
         Value::List(items) if matches!(items[..], [Value::Dict(_)]) => {
             for item in items {
                 insert(name, item, budget, arrays)?;
+            }
+        }
+        // A dict a frame, as pose estimators have them.
+        Value::List(items) if items.iter().any(|item| matches!(item, Value::Dict(_))) => {
+            for (index, item) in items.into_iter().enumerate() {
+                let path = format!("{name}[{index}]");
+                budget.spend(path.len(), "names")?;
+                insert(&path, item, budget, arrays)?;
             }
         }
         value => {

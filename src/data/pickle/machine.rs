@@ -18,7 +18,7 @@ use crate::data::fault::Fault;
 const NEWEST_PROTOCOL: u8 = 5;
 
 pub(super) struct Machine<'a> {
-    cursor: Cursor<'a>,
+    pub(super) cursor: Cursor<'a>,
     /// Where the opcode being executed starts.
     opcode_at: usize,
     pub(super) nodes: Vec<Node<'a>>,

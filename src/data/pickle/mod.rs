@@ -1,7 +1,7 @@
 //! Python pickles, protocols 0 to 5, read by an allow-list interpreter that runs nothing.
 //!
 //! A pickle is a program for a stack machine that may call any Python function. [`machine`] executes only the
-//! opcodes that build plain data; the few callables that numpy, scipy and chumpy put into data files are known by name
+//! opcodes that build plain data; the few callables that numpy, scipy, chumpy and joblib put into data files are known by name
 //! in [`callables`] and re-done in Rust; anything else that would be called is refused by its name. Memory is bounded
 //! by a budget proportional to the file, nesting by [`value::MAX_DEPTH`], so cycles and "billion laughs" are errors.
 //!
@@ -47,7 +47,7 @@ pub fn read_pickle(path: impl AsRef<Path>) -> Result<Value> {
 /// Reads a pickled dict of arrays, as body models and frames are stored.
 ///
 /// Numbers become arrays without extents, nested lists of numbers arrays, strings text; the entries of a dict inside
-/// the dict are named `outer.inner`. What has no array form (`None`, lists of different lengths) is left out.
+/// the dict are named `outer.inner`, those of a list of dicts `outer[0].inner`. What has no array form (`None`, lists of different lengths) is left out.
 ///
 /// # Errors
 /// As [`read_pickle`]; [`Error::Malformed`] too if the pickle is not a dict.

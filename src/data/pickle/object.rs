@@ -1,6 +1,7 @@
 //! Instances of the few classes that data files are known to hold, as the arrays inside them.
 //!
 //! - scipy `csc_matrix`, `csr_matrix` (and `_array`): densified, duplicates added up, as `toarray()` does;
+//! - joblib `NumpyArrayWrapper`: an array already, once it has its state (see [`super::callables`]);
 //! - chumpy `Ch`: its array `x`; `Select` (`shapedirs` of SMPL files): the elements `idxs` of the flattened `a`.
 
 use std::sync::Arc;
@@ -13,7 +14,12 @@ use crate::data::{Array, ArrayData};
 
 /// Whether instances of the class, a dotted name, may be made.
 pub(super) fn is_known_class(class: &str) -> bool {
-    class.starts_with("chumpy.") || sparse_layout(class).is_some()
+    class.starts_with("chumpy.") || sparse_layout(class).is_some() || is_inline_array(class)
+}
+
+/// Whether the class stands for an array whose bytes come after it in the file.
+pub(super) fn is_inline_array(class: &str) -> bool {
+    class == "joblib.numpy_pickle.NumpyArrayWrapper"
 }
 
 /// The value that an instance with this state stands for.

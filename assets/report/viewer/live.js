@@ -1,0 +1,122 @@
+// Live: the pose goes to `xavatar view`, the field's own mesh comes back. One request is under way at a time. A new pose is
+// asked for coarse first, at about TARGET seconds a frame, then finer until it is as fine as the user chose.
+
+const TARGET = 0.2;
+const COARSEST = 48;
+// Cells an eighth at a time; the time of an extraction grows with about this power of the resolution.
+const COST_POWER = 2.3;
+
+// SMPL-X parameters as `xavatar view` takes them.
+function bodyParameters({ rotations, place, expression }, rootPlace) {
+  const turns = rotations.map(axisAngleOfQuaternion);
+  return {
+    global_orient: turns[0],
+    body_pose: turns.slice(1, 22),
+    jaw_pose: turns[22],
+    left_eye_pose: turns[23],
+    right_eye_pose: turns[24],
+    left_hand_pose: turns.slice(25, 40),
+    right_hand_pose: turns.slice(40, 55),
+    expression,
+    transl: place.map((value, axis) => value - rootPlace[axis]),
+  };
+}
+
+// The reply (little endian): V, F, resolution u32; seconds f32; positions, normals 3 V f32; colours 3 V u8, filled up to a
+// multiple of 4; faces 3 F u32.
+function decodeMesh(buffer) {
+  const head = new DataView(buffer);
+  const [vertices, faces, resolution] = [0, 4, 8].map((at) => head.getUint32(at, true));
+  const colours = 16 + 24 * vertices;
+  return {
+    resolution,
+    seconds: head.getFloat32(12, true),
+    positions: new Float32Array(buffer, 16, 3 * vertices),
+    normals: new Float32Array(buffer, 16 + 12 * vertices, 3 * vertices),
+    colours: new Uint8Array(buffer, colours, 3 * vertices),
+    faces: new Uint32Array(buffer, colours + 4 * Math.ceil((3 * vertices) / 4), 3 * faces),
+  };
+}
+
+// [lowest, highest] corner of the box around points.
+function boxAround(positions) {
+  const [lowest, highest] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
+  positions.forEach((value, index) => {
+    lowest[index % 3] = Math.min(lowest[index % 3], value);
+    highest[index % 3] = Math.max(highest[index % 3], value);
+  });
+  return [lowest, highest];
+}
+
+class Live {
+  constructor(viewer, { endpoint }) {
+    this.viewer = viewer;
+    this.endpoint = endpoint;
+    this.quick = 96;
+    this.version = 0;
+    this.isBusy = false;
+    this.enabled = viewer.find("field");
+    this.finest = viewer.find("resolution");
+    viewer.find("live").hidden = false;
+    viewer.onPose = (pose) => this.follow(pose);
+    this.enabled.addEventListener("change", () => {
+      if (!this.enabled.checked) this.show(null);
+      viewer.changePose();
+    });
+    this.finest.addEventListener("change", () => viewer.changePose());
+    viewer.changePose();
+  }
+
+  follow(pose) {
+    this.pose = { ...pose, expression: [...pose.expression] };
+    this.version += 1;
+    // The skinned mesh follows at once; the field's takes its place as soon as it is there.
+    if (!this.viewer.playing) this.show(null);
+    this.ask(Math.min(this.quick, Number(this.finest.value)));
+  }
+
+  async ask(resolution) {
+    if (this.isBusy || !this.enabled.checked) return;
+    this.isBusy = true;
+    const version = this.version;
+    let mesh = null;
+    try {
+      const reply = await fetch(this.endpoint, {
+        method: "POST",
+        headers: { "content-type": "application/json" },
+        body: JSON.stringify({ parameters: bodyParameters(this.pose, this.viewer.avatar.rootPlace()), resolution }),
+      });
+      if (!reply.ok) throw new Error((await reply.text()) || reply.statusText);
+      mesh = decodeMesh(await reply.arrayBuffer());
+    } catch (error) {
+      this.report(`No mesh: ${error.message}`);
+      // A server that is gone or busy is asked again, but not at once.
+      await new Promise((resolve) => { setTimeout(resolve, 2000); });
+    }
+    this.isBusy = false;
+    const isCurrent = version === this.version;
+    if (mesh) {
+      const pace = resolution * (TARGET / mesh.seconds) ** (1 / COST_POWER);
+      this.quick = Math.min(Math.max(8 * Math.round(pace / 8), COARSEST), 256);
+      if (this.enabled.checked && (isCurrent || this.viewer.playing)) this.show(mesh);
+    }
+    if (!isCurrent || !mesh) this.ask(Math.min(this.quick, Number(this.finest.value)));
+    else if (resolution < Number(this.finest.value)) this.ask(Math.min(8 * Math.round(resolution / 5), Number(this.finest.value)));
+  }
+
+  // Draws the field's mesh, or the skinned one for null.
+  show(mesh) {
+    const { viewer } = this;
+    if (viewer.shownMesh) viewer.drawing.forget(viewer.shownMesh);
+    viewer.shownMesh = mesh && { ...viewer.drawing.upload(mesh), box: boxAround(mesh.positions) };
+    if (mesh) {
+      const count = (mesh.positions.length / 3).toLocaleString("en");
+      this.report(`${Math.round(1000 * mesh.seconds)} ms a frame, ${mesh.resolution} cells, ${count} vertices`);
+    }
+    viewer.draw();
+  }
+
+  report(text) {
+    this.viewer.find("pace").textContent = text;
+  }
+}

@@ -1,0 +1,90 @@
+//! `xavatar view`: an avatar in the browser, live.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use xavatar::avatar::{Animator, Avatar};
+use xavatar::body::{BodyModel, PartLabels};
+use xavatar::mannequin::BuiltInSubject;
+use xavatar::view::{Server, Site};
+
+use super::inputs::load_body;
+use super::motion::MotionArguments;
+use super::{Outcome, report};
+
+/// Play with an avatar in the browser
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    xavatar view runs/demo\n  \
+    xavatar view runs/00016 --body models/smplx\n  \
+    xavatar view avatar.safetensors --body models/smplx --motion walk.bvh --port 9000\n\n\
+    The page has sliders for joints, jaw and expressions. With a body model every pose's surface comes from the avatar's own\n\
+    fields, as fast as the machine makes it; without one a skinned mesh moves alone. Ctrl-C ends it, twice without waiting for the frame under way.")]
+pub struct View {
+    /// An avatar.safetensors or a run's folder
+    #[arg(value_name = "AVATAR")]
+    avatar: PathBuf,
+    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl; the demo's avatar needs none
+    #[arg(long, value_name = "BODY")]
+    body: Option<PathBuf>,
+    /// The motion that the page plays: any that `animate` takes
+    #[arg(long, value_name = "MOTION", default_value = xavatar::data::Clip::DANCE)]
+    motion: PathBuf,
+    /// Port to listen on; 0 for any that is free
+    #[arg(long, value_name = "PORT", default_value_t = 8383)]
+    port: u16,
+    /// Address or name to listen on. The default is reached from this machine alone; 0.0.0.0 lets everyone in the network in
+    #[arg(long, value_name = "HOST", default_value = "127.0.0.1")]
+    host: String,
+    #[command(flatten)]
+    options: MotionArguments,
+}
+
+impl View {
+    pub fn run(self) -> anyhow::Result<Outcome> {
+        let avatar = Avatar::load(&self.avatar)?;
+        let body = match &self.body {
+            Some(body) => Some(load_body(body, avatar.subject.gender)?),
+            None => built_in_body(&avatar)?,
+        };
+        let clip = self.options.load(&self.motion, &avatar)?;
+        // A port that is taken is known before the work.
+        let server = Server::bind(&self.host, self.port)?;
+        log::info!("preparing the avatar");
+        let rig = report::rig(&avatar, body.as_ref().map(|(body, _)| body), &clip)?;
+        let animator = match &body {
+            Some((body, labels)) => Some(Animator::new(&avatar, body, labels)?),
+            None => None,
+        };
+        let lead = match animator {
+            Some(_) => "Each pose is sent to the avatar's fields, and what you see is the surface they have for it.",
+            None => "Skinned in the browser. Start with --body to see the field's own surface in every pose.",
+        };
+        let site = Site::new(report::title(&self.avatar), lead.into(), &rig, animator.as_ref())?;
+        let (stop, interrupted) = (server.stop(), AtomicBool::new(false));
+        ctrlc::set_handler(move || {
+            if interrupted.swap(true, Ordering::SeqCst) {
+                std::process::exit(super::EXIT_FAILED.into());
+            }
+            stop.stop();
+        })?;
+        let address = server.address();
+        if !address.ip().is_loopback() {
+            log::warn!("everyone who reaches {address} can use this avatar; without --host only this machine does");
+        }
+        println!("http://{address}/");
+        log::info!("open this page in a browser; Ctrl-C ends it");
+        server.run(&site);
+        Ok(Outcome::Done)
+    }
+}
+
+/// The built-in subject's body, if the avatar has its skeleton.
+fn built_in_body(avatar: &Avatar) -> anyhow::Result<Option<(BodyModel, PartLabels)>> {
+    /// Joints closer than this are the same, metres.
+    const SAME_JOINT: f32 = 1e-4;
+    let subject = BuiltInSubject::new()?;
+    let joints = subject.model().canonical_joints(&avatar.subject.betas)?;
+    let is_same = joints.iter().zip(&avatar.subject.joints).all(|(joint, own)| joint.distance(*own) < SAME_JOINT);
+    Ok(is_same.then(|| (subject.model().clone(), subject.part_labels().clone())))
+}

@@ -1,0 +1,179 @@
+//! The metrics of an evaluation, as the page's table with bars and as dots frame by frame.
+
+use serde::Serialize;
+
+use super::chart::{Chart, Dot, number};
+use crate::evaluate::{FrameMetrics, PartMetrics, Report, SMPLX_D};
+
+/// The metrics as the template takes them.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct MetricsTable {
+    caption: String,
+    columns: Vec<Column>,
+    parts: Vec<PartRows>,
+    by_frame: Option<ByFrame>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Column {
+    name: &'static str,
+    unit: &'static str,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct PartRows {
+    name: &'static str,
+    rows: Vec<Row>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    class: &'static str,
+    name: &'static str,
+    cells: Vec<Cell>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Cell {
+    text: String,
+    /// Of the column's longest bar, 0 to 1.
+    share: f64,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct ByFrame {
+    caption: String,
+    chart: Chart,
+}
+
+/// A metric: its name, its unit, its value as text, and its error, of which less is better.
+type Metric = (&'static str, &'static str, fn(&PartMetrics) -> String, fn(&PartMetrics) -> f64);
+
+const METRICS: [Metric; 4] = [
+    ("CD", "mm", |part| format!("{:.2}", part.cd_mm), |part| part.cd_mm),
+    ("CD-MAX", "mm", |part| format!("{:.1}", part.cd_max_mm), |part| part.cd_max_mm),
+    ("NC", "", |part| format!("{:.3}", part.nc), |part| 1.0 - part.nc),
+    ("IoU", "", |part| format!("{:.3}", part.iou), |part| 1.0 - part.iou),
+];
+
+const PARTS: [(&str, fn(&FrameMetrics) -> Option<PartMetrics>); 3] =
+    [("Whole body", |parts| parts.all), ("Hands", |parts| parts.hands), ("Face", |parts| parts.face)];
+
+impl MetricsTable {
+    /// Of what was measured on frames that `frames_of` describes.
+    pub(super) fn of(report: &Report, frames_of: &str) -> Self {
+        let (mean, baseline) = (report.mean(), report.baseline_mean());
+        let of_avatar = |part: fn(&FrameMetrics) -> Option<PartMetrics>| ("avatar", "avatar", part(&mean));
+        let of_baseline = |part: fn(&FrameMetrics) -> Option<PartMetrics>| {
+            baseline.as_ref().map(|baseline| ("baseline", SMPLX_D, part(baseline)))
+        };
+        let rows_of = |part| std::iter::once(of_avatar(part)).chain(of_baseline(part));
+        let measured: Vec<PartMetrics> =
+            PARTS.iter().flat_map(|(_, part)| rows_of(*part)).filter_map(|(_, _, metrics)| metrics).collect();
+        let largest = METRICS.map(|(_, _, _, error)| measured.iter().map(error).fold(f64::MIN_POSITIVE, f64::max));
+        let cell = |metrics: Option<PartMetrics>, index: usize| match metrics {
+            None => Cell { text: "\u{2013}".into(), share: 0.0 },
+            Some(metrics) => {
+                let (_, _, text, error) = METRICS[index];
+                let share = (error(&metrics) / largest[index]).clamp(0.0, 1.0);
+                Cell { text: text(&metrics), share: (share * 1000.0).round() / 1000.0 }
+            }
+        };
+        let row =
+            |(class, name, metrics)| Row { class, name, cells: (0..METRICS.len()).map(|i| cell(metrics, i)).collect() };
+        Self {
+            caption: caption(report, frames_of),
+            columns: METRICS.map(|(name, unit, ..)| Column { name, unit }).into(),
+            parts: PARTS.map(|(name, part)| PartRows { name, rows: rows_of(part).map(row).collect() }).into(),
+            by_frame: by_frame(report),
+        }
+    }
+}
+
+fn caption(report: &Report, frames_of: &str) -> String {
+    let count = report.per_frame.len();
+    let frames = if count == 1 { "frame" } else { "frames" };
+    let mut text = format!(
+        "Mean over {count} {frames} {frames_of}. CD is the chamfer distance to the scan, CD-MAX its largest value, NC the \
+         agreement of normals, IoU that of volumes."
+    );
+    if report.baseline_mean().is_some() {
+        text +=
+            " SMPLX+D is the body model with the mean offset of each of its vertices: what one gets without learning.";
+    }
+    let missing = report.missing();
+    for (part, missing) in [("hands", missing.hands), ("face", missing.face)] {
+        if missing > 0 {
+            text += &format!(" The {part} could not be measured in {missing} of them.");
+        }
+    }
+    text
+}
+
+fn by_frame(report: &Report) -> Option<ByFrame> {
+    let dot = |class, name: &str, frame: &str, metrics: Option<PartMetrics>| {
+        let value = metrics?.cd_mm;
+        Some(Dot { class, value, title: format!("{frame}, {name}: {} mm", number(value)) })
+    };
+    let columns: Vec<(String, Vec<Dot>)> = report
+        .per_frame
+        .iter()
+        .map(|frame| {
+            let baseline = frame.baseline.and_then(|metrics| dot("baseline", SMPLX_D, &frame.frame, metrics.all));
+            let dots = baseline.into_iter().chain(dot("avatar", "avatar", &frame.frame, frame.metrics.all)).collect();
+            (short_name(&frame.frame), dots)
+        })
+        .collect();
+    // One column says nothing that the table does not.
+    if columns.len() < 2 {
+        return None;
+    }
+    let compared =
+        if report.baseline_mean().is_some() { format!(", the avatar beside {SMPLX_D}") } else { String::new() };
+    let caption = format!("Chamfer distance of each frame, mm{compared}");
+    let chart = Chart::dots(caption.clone(), &columns)?;
+    Some(ByFrame { caption, chart })
+}
+
+/// `test/Take4/f00012` is `12`.
+fn short_name(frame: &str) -> String {
+    let number = frame.rsplit('/').next().unwrap_or(frame).trim_start_matches(|letter: char| !letter.is_ascii_digit());
+    let short = number.trim_start_matches('0');
+    if short.is_empty() { frame.into() } else { short.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::{FrameReport, Parts};
+
+    fn part(cd_mm: f64, nc: f64) -> Option<PartMetrics> {
+        Some(PartMetrics { cd_mm, cd_max_mm: 10.0 * cd_mm, nc, iou: 0.5, iou_box: 0.75 })
+    }
+
+    #[test]
+    fn bars_of_a_column_share_a_scale_and_shorter_is_better() {
+        let frame = |number: u32| FrameReport {
+            frame: format!("test/Take1/f{number:05}"),
+            metrics: Parts { all: part(1.0, 0.99), hands: part(2.0, 0.98), face: None },
+            baseline: Some(Parts { all: part(4.0, 0.96), hands: part(3.0, 0.97), face: None }),
+        };
+        let report = Report { per_frame: vec![frame(7), frame(120)] };
+        let table = MetricsTable::of(&report, "of the test split");
+        let shares = |part: usize, row: usize| -> Vec<f64> {
+            table.parts[part].rows[row].cells.iter().map(|cell| cell.share).collect()
+        };
+        assert_eq!(shares(0, 0), [0.25, 0.25, 0.25, 1.0]);
+        assert_eq!(shares(0, 1), [1.0, 1.0, 1.0, 1.0]);
+        assert_eq!(shares(1, 0)[..3], [0.5, 0.5, 0.5]);
+        assert_eq!(table.parts[2].rows[0].cells[0], Cell { text: "\u{2013}".into(), share: 0.0 });
+        assert!(table.caption.contains("The face could not be measured in 2 of them"), "{}", table.caption);
+        assert!(table.by_frame.is_some());
+    }
+
+    #[test]
+    fn frames_are_named_by_their_number() {
+        assert_eq!(short_name("test/Take4/f00012"), "12");
+        assert_eq!(short_name("odd"), "odd");
+    }
+}

@@ -1,0 +1,91 @@
+//! The page, and the meshes it asks for.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use super::http::{Request, Response, Status};
+use super::mesh_message::encode_mesh;
+use super::pose_request::PoseRequest;
+use super::server::Answer;
+use crate::avatar::Animator;
+use crate::export::RiggedMesh;
+use crate::report::live_page;
+use crate::{Error, Result};
+
+/// Most cells along the longest side of a mesh that a browser gets.
+pub const LARGEST_RESOLUTION: usize = 256;
+const MESH: &str = "/mesh";
+
+/// What one `xavatar view` serves.
+pub struct Site<'a> {
+    page: String,
+    policy: String,
+    /// Extractions use all threads: one at a time. None without a body model.
+    animator: Option<Mutex<&'a Animator<'a>>>,
+}
+
+impl<'a> Site<'a> {
+    /// The site of an avatar: its rig moves in the browser, `animator` makes the field's own meshes, if it is there.
+    ///
+    /// # Errors
+    /// [`Error::Value`] for a rig that the page cannot draw.
+    pub fn new(title: String, lead: String, rig: &RiggedMesh, animator: Option<&'a Animator<'a>>) -> Result<Self> {
+        let (page, policy) = live_page(title, lead, rig, animator.map(|_| MESH))?;
+        Ok(Self { page, policy, animator: animator.map(Mutex::new) })
+    }
+
+    fn page(&self) -> Response {
+        let policy = ("Content-Security-Policy", format!("{}; frame-ancestors 'none'", self.policy));
+        Response {
+            status: Status::Ok,
+            content_type: "text/html; charset=utf-8",
+            fields: vec![policy],
+            body: self.page.clone().into_bytes(),
+        }
+    }
+
+    fn mesh(&self, request: &Request) -> Response {
+        let Some(animator) = &self.animator else {
+            return Response::text(Status::NotFound, "no body model to pose with: start `xavatar view` with --body");
+        };
+        // A foreign page cannot send this type without asking first, which is never granted.
+        let content_type = request.field("content-type").unwrap_or_default();
+        if !content_type.split(';').next().unwrap_or_default().trim().eq_ignore_ascii_case("application/json") {
+            return Response::text(Status::UnsupportedMediaType, "expected Content-Type: application/json");
+        }
+        let pose = match PoseRequest::parse(&request.body) {
+            Ok(pose) => pose,
+            Err(error) => return Response::text(Status::UnprocessableContent, error),
+        };
+        let animator = animator.lock().unwrap_or_else(PoisonError::into_inner);
+        let begin = Instant::now();
+        match animator.extract(&pose.body_parameters(), pose.resolution) {
+            Ok(extraction) => Response {
+                status: Status::Ok,
+                content_type: "application/octet-stream",
+                fields: Vec::new(),
+                body: encode_mesh(&extraction.mesh, pose.resolution, begin.elapsed().as_secs_f32()),
+            },
+            Err(error @ Error::NoSurface { .. }) => Response::text(Status::UnprocessableContent, error),
+            Err(error) => Response::text(Status::InternalServerError, error),
+        }
+    }
+}
+
+impl Answer for Site<'_> {
+    fn answer(&self, request: &Request) -> Response {
+        match (request.path.as_str(), request.method.as_str()) {
+            ("/", "GET" | "HEAD") => self.page(),
+            (MESH, "POST") => self.mesh(request),
+            ("/", _) => not_allowed("GET, HEAD"),
+            (MESH, _) => not_allowed("POST"),
+            _ => Response::text(Status::NotFound, "nothing is here"),
+        }
+    }
+}
+
+fn not_allowed(methods: &str) -> Response {
+    let mut response = Response::text(Status::MethodNotAllowed, format_args!("expected {methods}"));
+    response.fields.push(("Allow", methods.into()));
+    response
+}
