@@ -34,6 +34,8 @@ const UNLIT_SHARE_OF_DATA: f32 = 0.8;
 const COLOUR_OCCLUSION: f32 = 0.6;
 /// Share of the floor's white that a place which sees nothing of the sky loses.
 const FLOOR_SHADOW: f32 = 0.55;
+/// Share of the picture's width, at either side, over which the floor's shadow fades.
+const FLOOR_FADE: f32 = 0.25;
 
 /// What a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -183,7 +185,11 @@ impl Shader<'_> {
     fn background(&self, place: Vec2) -> Vec3 {
         match (&self.scene.floor, self.view) {
             (Some(floor), View::Shaded | View::Colour) => {
-                Vec3::splat(softly_open(floor.openness(self.camera, place), FLOOR_SHADOW))
+                // Without an edge of shadow where the picture ends.
+                let width = self.camera.width as f32;
+                let inward = (place.x.min(width - place.x) / (width * FLOOR_FADE)).clamp(0.0, 1.0);
+                let fade = inward * inward * (3.0 - 2.0 * inward);
+                Vec3::splat(softly_open(floor.openness(self.camera, place), FLOOR_SHADOW * fade))
             }
             _ => Vec3::ONE,
         }

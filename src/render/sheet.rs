@@ -18,7 +18,7 @@ const LARGEST_SIDE: u64 = 32_768;
 pub struct Tile {
     /// The picture.
     pub picture: RgbImage,
-    /// One line of text, in the middle. It is cut where the picture ends; characters beyond ASCII show as `?`.
+    /// One line of text, in the middle, in smaller letters if it is long. It is cut where the picture ends; characters beyond ASCII show as `?`.
     pub label: String,
 }
 
@@ -51,11 +51,12 @@ pub fn contact_sheet(rows: &[Vec<Tile>]) -> Result<RgbImage> {
         let mut left = GAP;
         for tile in row {
             imageops::replace(&mut sheet, &tile.picture, i64::from(left), i64::from(top));
-            let letters = (tile.picture.width() / TEXT.advance()) as usize;
-            let label: String = tile.label.chars().take(letters).collect();
-            let indent = tile.picture.width().saturating_sub(TEXT.width(&label)) / 2;
+            let width = tile.picture.width();
+            let size = if TEXT.width(&tile.label) > width { Size::Small } else { TEXT };
+            let label: String = tile.label.chars().take((width / size.advance()) as usize).collect();
+            let indent = (width - size.width(&label)) / 2;
             let place = [i64::from(left + indent), i64::from(top + picture_height(row))];
-            draw_text(&mut sheet, &label, place, TEXT, INK);
+            draw_text(&mut sheet, &label, place, size, INK);
             left += tile.picture.width() + GAP;
         }
         top += picture_height(row) + label_height(row) + GAP;

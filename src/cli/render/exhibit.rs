@@ -184,7 +184,7 @@ impl Scenes<'_> {
             Panel::Error => {
                 picture = with_strip(&picture);
                 draw_scale(&mut picture, ColourMap::Heat, panels.largest_error, "mm");
-                label = format!("error, mean {:.1} mm", self.exhibit.mean_error);
+                label = format!("mean {:.1} mm", self.exhibit.mean_error);
             }
             _ => {}
         }

@@ -89,12 +89,11 @@ pub fn check_rgbd(
 
     let reasons = frames.iter().map(|frame| frame.usable.as_ref().err().map(reason));
     let (sequences, unusable) = count_sequences(files.iter().map(|files| &files.id).zip(reasons));
-    let clouds: Vec<&Vec<(Part, f32)>> =
-        frames.iter().filter_map(|frame| frame.usable.as_ref().ok()?.as_ref()).collect();
+    let clouds: Vec<&Measured> = frames.iter().filter_map(|frame| frame.usable.as_ref().ok()?.as_ref()).collect();
     let placements: Vec<&Placement> = frames.iter().filter_map(|frame| frame.placement.as_ref()).collect();
     let in_sight = placements.iter().filter(|placement| placement.share >= APPEARS);
     let depth_to_body = percentile(in_sight.map(|placement| placement.ratio).collect(), 0.5);
-    let points = percentile(clouds.iter().map(|cloud| cloud.len() as f32).collect(), 0.5);
+    let points = percentile(clouds.iter().map(|cloud| cloud.points as f32).collect(), 0.5);
     let mut report = RgbdCheckReport {
         gender: subject.gender.to_string(),
         body_height,
@@ -102,7 +101,7 @@ pub fn check_rgbd(
         sequences,
         measured_frames: placements.len(),
         points: points.map(|points| points as usize),
-        distances: distances_by_part(clouds.iter().flat_map(|cloud| cloud.iter().copied())),
+        distances: distances_by_part(clouds.iter().flat_map(|cloud| cloud.to_body.iter().copied())),
         depth_to_body,
         apparent_height: depth_to_body.map(|ratio| ratio * body_height),
         unusable,
@@ -117,8 +116,16 @@ pub fn check_rgbd(
 struct Seen {
     /// Where the body appears in the picture, if the frame was read and measured.
     placement: Option<Placement>,
-    /// The parts of surface points and their distances to the body, millimetres, if measured; or why the frame cannot be used.
-    usable: Result<Option<Vec<(Part, f32)>>>,
+    /// Its surface points, if measured; or why the frame cannot be used.
+    usable: Result<Option<Measured>>,
+}
+
+/// The surface points of a frame.
+struct Measured {
+    /// How many there are.
+    points: usize,
+    /// Some of them: their parts, and their distances to the body, millimetres.
+    to_body: Vec<(Part, f32)>,
 }
 
 /// How the registered body and the measured depths go together.
@@ -150,7 +157,7 @@ fn look_at(files: &RgbdFiles, betas: &[f32; 10], body: &BodyModel, labels: &Part
         let registration = Registration::new(&posed.vertices, labels)?;
         let nearest = |point: &Vec3| registration.nearest(*point);
         let far = strided(&cloud.points, POINTS).map(nearest).map(|(part, distance)| (part, distance * MILLIMETRES));
-        Ok(Some(far.collect()))
+        Ok(Some(Measured { points: cloud.points.len(), to_body: far.collect() }))
     };
     Seen { placement, usable: measure() }
 }
