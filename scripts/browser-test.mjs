@@ -209,7 +209,9 @@ async function testView(browser) {
   try {
     const page = await Page.open(browser, url);
     const viewer = "document.getElementById('viewer').viewer";
-    const isFine = `${viewer}.shownMesh && document.querySelector('[data-viewer=pace]').textContent.includes('128 cells')`;
+    const finest = "document.querySelector('[data-viewer=resolution]').value";
+    const isFine = `${viewer}.shownMesh
+      && document.querySelector('[data-viewer=pace]').textContent.includes(${finest} + ' cells')`;
     await page.until(isFine, "the field's mesh arrives, and is refined");
     const first = await page.picture();
     await page.set("Left arm: Raise", 60);
