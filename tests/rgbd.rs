@@ -169,7 +169,10 @@ fn the_camera_goes_around_once_and_looks_at_the_subject() {
         assert!(camera.project(target).0.abs_diff_eq(glam::Vec2::new(400.0, 600.0), 0.1));
         let angle = (-offset.x).atan2(offset.z).rem_euclid(std::f32::consts::TAU);
         let expected = (step % 8) as f32 * std::f32::consts::FRAC_PI_4;
-        assert!((angle - expected).abs() < 1e-3 || (angle - expected).abs() > std::f32::consts::TAU - 5e-3, "{step}: {angle}");
+        assert!(
+            (angle - expected).abs() < 1e-3 || (angle - expected).abs() > std::f32::consts::TAU - 5e-3,
+            "{step}: {angle}"
+        );
     }
     assert!(Turntable { steps_per_turn: 0, ..table }.camera(scan, 0).is_err());
 }

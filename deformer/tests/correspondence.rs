@@ -9,7 +9,7 @@ use xavatar_deformer::{
     BakedWeights, BoneTransform, Candidates, ExactWarp, Grid, SearchSettings, StartGroups, Warp, deform,
     deform_backward, root_cotangents, search, search_and_polish,
 };
-use xavatar_network::{Backward, KinematicTree, Real, SkinningField, SkinningWeights};
+use xavatar_network::{Backward, KinematicTree, Real, SkinningField};
 
 const POSES: usize = 3;
 const PARTS: [&str; 4] = ["body", "face", "left_hand", "right_hand"];

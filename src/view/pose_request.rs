@@ -126,7 +126,7 @@ mod tests {
             (r#"{"parameters": {"jaw": [0, 0, 0]}, "resolution": 64}"#, "jaw"),
             (r#"{"parameters": {"jaw_pose": [0, 0]}, "resolution": 64}"#, "body"),
             (r#"{"parameters": {"jaw_pose": [1e9, 0, 0]}, "resolution": 64}"#, "rotation"),
-            (r#"{"parameters": {"jaw_pose": [1e99, 0, 0]}, "resolution": 64}"#, "range"),
+            (r#"{"parameters": {"jaw_pose": [1e99, 0, 0]}, "resolution": 64}"#, "rotation is inf"),
             (r#"{"parameters": {"expression": [0,0,0,0,0,0,0,0,0,99]}, "resolution": 64}"#, "expression"),
             ("[", "body"),
         ] {
