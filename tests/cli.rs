@@ -343,7 +343,7 @@ fn the_log_is_json_where_that_is_asked_for() {
     assert_eq!(report["sequences"][0]["frames"], 3);
     let lines = log_lines(&output.stderr);
     let last = lines.iter().rfind(|line| line["kind"] == "progress").expect("progress is said without a terminal");
-    assert_eq!((&last["phase"], &last["share"]), (&"frames".into(), &1.0.into()));
+    assert_eq!((&last["phase"], &last["share"]), (&"scans".into(), &1.0.into()));
 
     let output = run(&["--log-format", "json", "info", "/nowhere"]);
     let lines = log_lines(&output.stderr);
