@@ -258,6 +258,10 @@ pub struct Schedule {
     pub steps: u64,
     /// Wall time of the whole command; 0 for no limit. When given, it ends training instead of `steps`.
     pub minutes: f64,
+    /// Passes over the training frames that end training before `minutes` do: more would fit what the frames have of their
+    /// own, as wrinkles, and unseen poses would suffer. 0 for no such bound.
+    #[serde(default)]
+    pub most_epochs: u64,
     /// Steps of stage 0, on the body model.
     pub pretraining_steps: u64,
     /// Steps between checkpoints.
@@ -365,6 +369,7 @@ impl Config {
         positive("sampling.wide_deviation", self.sampling.wide_deviation.into())?;
         within("fields.condition_dropout", self.fields.condition_dropout, 1.0)?;
         within("schedule.minutes", self.schedule.minutes, 1e6)?;
+        within("schedule.most_epochs", self.schedule.most_epochs as f64, 1e9)?;
         for (name, weight) in [
             ("losses.occupancy", self.losses.occupancy),
             ("losses.distance", self.losses.distance),

@@ -271,9 +271,16 @@ impl<'a> Trainer<'a> {
     /// Share of the run that is done; of its time if that is limited, else of its steps on frames.
     fn share_done(&self) -> f64 {
         match self.limit() {
-            Some(limit) => self.seconds() / limit,
+            Some(limit) => (self.seconds() / limit).max(self.share_of_epochs()),
             None => self.state.progress.steps as f64 / self.config.schedule.steps.max(1) as f64,
         }
+    }
+
+    /// Share that is done of the passes over the frames that end a run early; 0 where there is no such bound.
+    fn share_of_epochs(&self) -> f64 {
+        let most_frames = self.config.schedule.most_epochs * self.frames.len() as u64;
+        let done = self.state.progress.steps * self.config.optimiser.batch_frames as u64;
+        if most_frames > 0 { done as f64 / most_frames as f64 } else { 0.0 }
     }
 
     fn step(&mut self, stage: Stage) -> Result<StepRecord> {
