@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Opens the report and the live view in a headless Chromium and tries them: scripts/browser-test.sh [RUN [BODY]].
-# RUN is a run's folder with a report.html; without one, a small demo is made. Pictures of the pages go to target/browser-test/.
+# RUN is a run's folder with a report.html; without one, the demo is trained, for an untrained avatar has no limbs to look for. Pictures of the pages go to target/browser-test/.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -21,6 +21,6 @@ mkdir -p "$out"
 run=${1:-}
 if [ -z "$run" ]; then
   run=$out/demo
-  target/release/xavatar demo --smoke --quiet --out "$run" >/dev/null
+  target/release/xavatar demo --quiet --out "$run" >/dev/null
 fi
 node scripts/browser-test.mjs target/release/xavatar "$run" "$out" ${2:+"$2"}
