@@ -7,12 +7,11 @@
 //! R nodes, J bones; metres. The error is that of linear interpolation of the weights.
 
 use rayon::prelude::*;
-use xavatar_network::{Real, SkinningWeights};
+use xavatar_network::{Real, SkinningWeights, vectorised};
 
 use crate::affine::expect_finite_bones;
 use crate::baked_warp::Spare;
 use crate::error::expect_length;
-use crate::skinning::vectorised;
 use crate::sparse_weights::padded;
 use crate::{BakedWarp, BoneTransform, Error, Grid, Result, SparseWeights, StartGroups, StartRegions};
 

@@ -5,22 +5,11 @@
 //! N points, J bones, k an axis; weights (N, J), their gradients (N, 3, J) as fields give them. Metres.
 //! Cotangents, named `*_cotangents`, are added to: zero them first. Kernels are serial; callers work in row blocks.
 
-use std::sync::LazyLock;
-
-use pulp::Arch;
-use xavatar_network::Real;
+use xavatar_network::{Real, vectorised};
 
 use crate::affine::apply;
 use crate::error::{expect_length, expect_weights};
 use crate::{BoneTransform, Jacobian, Result};
-
-static ARCH: LazyLock<Arch> = LazyLock::new(Arch::new);
-
-/// Runs `kernel` compiled for the widest vectors of this machine. Without fused operations the bits are those of any other.
-#[inline(always)]
-pub(crate) fn vectorised(kernel: impl FnOnce()) {
-    ARCH.dispatch(kernel);
-}
 
 /// Rows that one pass over the bones serves: enough independent sums to hide the latency of an addition.
 const TILE: usize = 4;

@@ -4,10 +4,9 @@
 //! w(x) = sum_k share_k(x) w_k, trilinear. P logits in all, in the order of the nodes; R nodes, J bones; metres.
 
 use rayon::prelude::*;
-use xavatar_network::{Real, SkinningWeights};
+use xavatar_network::{Real, SkinningWeights, vectorised};
 
 use crate::error::expect_length;
-use crate::skinning::vectorised;
 use crate::{BakedWeights, Error, Grid, Result, SparseWeights, StartGroups};
 
 /// Most bones of a node: with eight, all that meet at a shoulder.

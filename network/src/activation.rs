@@ -4,21 +4,11 @@
 //! softplus'' = beta s (1 - s). In f32 the exponential and logarithm are polynomials that the compiler vectorises for the widest
 //! instruction set found at run time; absolute error of softplus below 2e-8. In f64 they are the standard library's.
 
-use std::sync::LazyLock;
-
 use crate::Real;
+use crate::instructions::vectorised;
 
 /// Sharpness of the softplus.
 pub(crate) const SHARPNESS: f64 = 100.0;
-
-/// The widest vector instructions of this machine.
-pub(crate) static ARCH: LazyLock<pulp::Arch> = LazyLock::new(pulp::Arch::new);
-
-/// Runs `pass` compiled for the widest vector instructions of this machine. `pass` must inline.
-#[inline(always)]
-pub(crate) fn vectorised<R>(pass: impl FnOnce() -> R) -> R {
-    ARCH.dispatch(pass)
-}
 
 /// exp(x) for x <= 0, relative error 2e-7. Cody-Waite reduction to |r| <= ln(2)/2, then degree 6.
 ///

@@ -1,6 +1,14 @@
 //! Which vector instructions the kernels use on this machine: chosen once, when the program runs.
 
-use crate::activation::ARCH;
+use std::sync::LazyLock;
+
+static ARCH: LazyLock<pulp::Arch> = LazyLock::new(pulp::Arch::new);
+
+/// Runs `pass` compiled for the widest vector instructions of this machine. `pass` must inline, or it is compiled for any machine.
+#[inline(always)]
+pub fn vectorised<R>(pass: impl FnOnce() -> R) -> R {
+    ARCH.dispatch(pass)
+}
 
 /// The instructions of the passes over rows (activations, softmax, grids): what the `pulp` crate finds.
 pub fn pass_instructions() -> &'static str {

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::Real;
-use crate::activation::vectorised;
+use crate::instructions::vectorised;
 use crate::mlp::{Mlp, SummedGradient, for_each_touched};
 
 /// The constants of [`Adam`].

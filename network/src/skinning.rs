@@ -5,8 +5,8 @@
 
 use rand::Rng;
 
-use crate::activation::vectorised;
 use crate::encoding::EncodingShape;
+use crate::instructions::vectorised;
 use crate::mlp::{Backward, Mlp, MlpGradient, MlpShape, Trace};
 use crate::tree_softmax::{Dual, Flow, KinematicTree, LANES, Lanes, Scalar};
 use crate::{Error, Real, Result};

@@ -1,12 +1,14 @@
 //! The closest point of a mesh's surface, exactly, through a bounding volume hierarchy.
 //!
-//! N query points; metres. Faces of no area are edges or points. 1 to 2 us a query near a body scan of 42,000 faces.
+//! N query points; metres. Faces of no area are edges or points.
 
 use glam::Vec3;
 use rayon::prelude::*;
+use smallvec::{SmallVec, smallvec};
+use xavatar_network::vectorised;
 
 use super::TriangleMesh;
-use super::hierarchy::{Contents, DEEPEST, Hierarchy, Triangle};
+use super::hierarchy::{Child, Hierarchy, LANES, Lanes, Packet};
 use super::surface::SurfacePoint;
 use crate::Result;
 
@@ -50,61 +52,73 @@ impl SurfaceIndex {
     pub fn closest(&self, point: Vec3) -> ClosestPoint {
         self.closest_within(point, f32::INFINITY).unwrap_or_else(|| {
             // Only a point that is not finite, or whose squared distance is not, comes here.
-            let Triangle { corner, face, .. } = self.hierarchy.triangles[0];
-            ClosestPoint { face, barycentric: [1.0, 0.0, 0.0], position: corner, distance: point.distance(corner) }
+            let Packet { corner, faces, .. } = &self.hierarchy.packets[0];
+            let position = Vec3::from_array(corner.map(|lanes| lanes[0]));
+            ClosestPoint { face: faces[0], barycentric: [1.0, 0.0, 0.0], position, distance: point.distance(position) }
         })
     }
 
     /// The closest point of the surface if it is nearer than `radius`; the smaller the radius, the faster.
     #[must_use]
     pub fn closest_within(&self, point: Vec3, radius: f32) -> Option<ClosestPoint> {
-        let Hierarchy { nodes, triangles } = &self.hierarchy;
-        let mut best = None;
+        vectorised(
+            #[inline(always)]
+            || self.nearest_within(point, radius),
+        )
+    }
+
+    #[inline(always)]
+    fn nearest_within(&self, point: Vec3, radius: f32) -> Option<ClosestPoint> {
+        if !point.is_finite() {
+            return None;
+        }
+        let Hierarchy { nodes, packets } = &self.hierarchy;
         let mut nearest = radius * radius;
-        let mut stack = [(0u32, 0f32); DEEPEST];
-        let mut waiting = 0;
-        let mut index = 0;
-        loop {
-            match nodes[index].contents(index) {
-                Contents::Children(children) => {
-                    let distances = children.map(|child| nodes[child].distance_squared(point));
-                    let near = usize::from(distances[1] < distances[0]);
-                    if distances[near] < nearest {
-                        if distances[1 - near] < nearest {
-                            stack[waiting] = (children[1 - near] as u32, distances[1 - near]);
-                            waiting += 1;
+        let mut best = None;
+        // The nearest box on top.
+        let mut waiting: SmallVec<[(f32, Child); 64]> = smallvec![(0.0, Child::Node(0))];
+        while let Some((distance, child)) = waiting.pop() {
+            if distance >= nearest {
+                continue;
+            }
+            match child {
+                Child::Nothing => {}
+                Child::Node(index) => {
+                    let node = &nodes[index as usize];
+                    let distances = node.distances_squared(point);
+                    let first = waiting.len();
+                    for lane in lanes_below(&distances, nearest) {
+                        let mut place = waiting.len();
+                        waiting.push((distances[lane], node.children[lane]));
+                        while place > first && waiting[place - 1].0 < distances[lane] {
+                            waiting.swap(place - 1, place);
+                            place -= 1;
                         }
-                        index = children[near];
-                        continue;
                     }
                 }
-                Contents::Leaf(range) => {
-                    for triangle in &triangles[range] {
-                        let [v, w] = closest_on_triangle(triangle, point);
-                        let position = triangle.corner + triangle.sides[0] * v + triangle.sides[1] * w;
-                        let distance = position.distance_squared(point);
-                        if distance < nearest {
-                            nearest = distance;
-                            best = Some((triangle.face, v, w, position));
+                Child::Packet(index) => {
+                    let packet = &packets[index as usize];
+                    let closest = closest_of_each(packet, point);
+                    for lane in lanes_below(&closest.distances_squared, nearest) {
+                        if closest.distances_squared[lane] < nearest {
+                            nearest = closest.distances_squared[lane];
+                            best = Some((packet, lane, closest.weights[0][lane], closest.weights[1][lane]));
                         }
                     }
                 }
             }
-            index = loop {
-                if waiting == 0 {
-                    return best.map(|(face, v, w, position)| ClosestPoint {
-                        face,
-                        barycentric: [(1.0 - v - w).max(0.0), v, w],
-                        position,
-                        distance: nearest.sqrt(),
-                    });
-                }
-                waiting -= 1;
-                if stack[waiting].1 < nearest {
-                    break stack[waiting].0 as usize;
-                }
-            };
         }
+        best.map(|(packet, lane, v, w)| {
+            let at = |axis: usize| {
+                packet.corner[axis][lane] + packet.sides[0][axis][lane] * v + packet.sides[1][axis][lane] * w
+            };
+            ClosestPoint {
+                face: packet.faces[lane],
+                barycentric: [(1.0 - v - w).max(0.0), v, w],
+                position: Vec3::new(at(0), at(1), at(2)),
+                distance: nearest.sqrt(),
+            }
+        })
     }
 
     /// The closest points (N) of many points (N), in parallel.
@@ -114,56 +128,70 @@ impl SurfaceIndex {
     }
 }
 
-/// The weights of a triangle's second and third corner at its point closest to `point` (Ericson 2005, ch. 5.1.5).
-fn closest_on_triangle(triangle: &Triangle, point: Vec3) -> [f32; 2] {
-    let [ab, ac] = triangle.sides;
-    let ap = point - triangle.corner;
-    if triangle.is_sliver {
-        return closest_on_sides(triangle.sides, ap);
-    }
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return [0.0, 0.0];
-    }
-    let bp = ap - ab;
-    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return [1.0, 0.0];
-    }
-    let cp = ap - ac;
-    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return [0.0, 1.0];
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return [ratio(d1, d1 - d3), 0.0];
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return [0.0, ratio(d2, d2 - d6)];
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        let w = ratio(d4 - d3, (d4 - d3) + (d5 - d6));
-        return [1.0 - w, w];
-    }
-    let sum = va + vb + vc;
-    [ratio(vb, sum), ratio(vc, sum)]
+/// The closest point of each triangle of a packet.
+struct ClosestOfEach {
+    /// Barycentric weights of the second and the third corner.
+    weights: [Lanes; 2],
+    distances_squared: Lanes,
 }
 
-/// The same on the three sides alone; `ap` leads from the first corner to the point.
-fn closest_on_sides([ab, ac]: [Vec3; 2], ap: Vec3) -> [f32; 2] {
-    let along = |from: Vec3, side: Vec3| ratio((ap - from).dot(side), side.length_squared());
-    let on_bc = along(ab, ac - ab);
-    let candidates = [[along(Vec3::ZERO, ab), 0.0], [0.0, along(Vec3::ZERO, ac)], [1.0 - on_bc, on_bc]];
-    let distance = |[v, w]: [f32; 2]| (ab * v + ac * w).distance_squared(ap);
-    candidates.into_iter().fold(candidates[0], |best, next| if distance(next) < distance(best) { next } else { best })
+/// The nearest of four places: the closest of each side, and the projection to the plane if that is in the triangle.
+#[inline(always)]
+fn closest_of_each(packet: &Packet, point: Vec3) -> ClosestOfEach {
+    /// Height over longest side below which rounding would decide on which side of an edge a point is.
+    const SLIMMEST: f32 = 1e-3;
+    let Packet { corner, sides: [ab, ac], .. } = packet;
+    let mut result = ClosestOfEach { weights: [[0.0; LANES]; 2], distances_squared: [0.0; LANES] };
+    for lane in 0..LANES {
+        let of_lane = |lanes: &[Lanes; 3]| Vec3::new(lanes[0][lane], lanes[1][lane], lanes[2][lane]);
+        let (ab, ac, ap) = (of_lane(ab), of_lane(ac), point - of_lane(corner));
+        let [(on_ab, of_ab), (on_ac, of_ac), (on_bc, of_bc)] = [along(ap, ab), along(ap, ac), along(ap - ab, ac - ab)];
+        let normal = ab.cross(ac);
+        let of_normal = normal.length_squared();
+        let longest = larger(larger(of_ab, of_ac), of_bc);
+        let [v, w] = [normal.dot(ap.cross(ac)) / of_normal, normal.dot(ab.cross(ap)) / of_normal];
+        let is_sliver = !(of_normal > SLIMMEST * SLIMMEST * longest * longest);
+        let on_plane = if !is_sliver && v > 0.0 && w > 0.0 && v + w < 1.0 { [v, w] } else { [0.0; 2] };
+        let mut best = ([0.0; 2], f32::INFINITY);
+        for weights in [on_plane, [on_ab, 0.0], [0.0, on_ac], [1.0 - on_bc, on_bc]] {
+            let distance = (ab * weights[0] + ac * weights[1] - ap).length_squared();
+            best = if distance < best.1 { (weights, distance) } else { best };
+        }
+        let (weights, distance) = best;
+        result.weights[0][lane] = weights[0];
+        result.weights[1][lane] = weights[1];
+        result.distances_squared[lane] = distance;
+    }
+    result
 }
 
-/// part / whole in [0, 1]; 0 of nothing.
-fn ratio(part: f32, whole: f32) -> f32 {
-    if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 0.0 }
+/// Where along a side, in [0, 1], the place closest to the point at `way` from its start is; and the side's squared length.
+#[inline(always)]
+fn along(way: Vec3, side: Vec3) -> (f32, f32) {
+    let square = side.length_squared();
+    let share = way.dot(side) / square;
+    // Comparisons: `clamp` would look for NaN, which a side without length becomes 0 by.
+    let share = if share > 0.0 { share } else { 0.0 };
+    (if share < 1.0 { share } else { 1.0 }, square)
+}
+
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The lanes whose number is below a bound, one after the other.
+#[inline(always)]
+fn lanes_below(numbers: &Lanes, bound: f32) -> impl Iterator<Item = usize> {
+    let mut below = 0_u32;
+    for (lane, number) in numbers.iter().enumerate() {
+        below |= u32::from(*number < bound) << lane;
+    }
+    std::iter::from_fn(move || {
+        let lane = below.trailing_zeros();
+        below &= below.wrapping_sub(1);
+        (lane < u32::BITS).then_some(lane as usize)
+    })
 }
 
 #[cfg(test)]

@@ -1,80 +1,117 @@
-//! A bounding volume hierarchy over the triangles of a mesh: flat, binary, split by the surface area heuristic.
+//! A bounding volume hierarchy over the triangles of a mesh: eight children a node, eight triangles a leaf, side by side.
 //!
-//! Children stand after their parent, so a backward sweep over the nodes sees children first. Leaves hold runs of
-//! triangles, which are stored in that order. Depth is bounded: see [`DEEPEST`].
+//! One pass of vector arithmetic looks at all eight. Nodes are split by the surface area heuristic. Children stand after their
+//! parent, so a backward sweep over the nodes sees children first. Depth is bounded: see [`LEVELS_BY_HEURISTIC`].
 
 use glam::Vec3;
 
 use super::TriangleMesh;
 use crate::{Error, Result};
 
-/// Depth from which nodes are split at the median, which leaves at most 31 levels for 2^31 faces.
-const DEEPEST_BY_HEURISTIC: usize = 32;
-/// No path through a hierarchy is longer, so a stack of this size holds every traversal.
-pub(super) const DEEPEST: usize = 64;
-const FACES_A_LEAF: usize = 4;
+/// Level from which nodes are split at the median, which leaves at most 11 levels for 2^31 faces.
+const LEVELS_BY_HEURISTIC: usize = 16;
+/// Children of a node, and triangles of a packet.
+pub(super) const LANES: usize = 8;
 const BINS: usize = 12;
 
+/// One number of each lane.
+pub(super) type Lanes = [f32; LANES];
+
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
-    pub(super) minimum: Vec3,
-    /// First triangle of a leaf, or the second child; the first child follows its parent.
-    start: u32,
-    pub(super) maximum: Vec3,
-    /// Triangles of a leaf; zero for an inner node.
-    count: u32,
+pub(super) enum Child {
+    Nothing,
+    /// A node's index.
+    Node(u32),
+    /// A packet's index.
+    Packet(u32),
 }
 
-pub(super) enum Contents {
-    Leaf(std::ops::Range<usize>),
-    Children([usize; 2]),
+/// Eight boxes and what is in them; a box of nothing is infinitely far from everything.
+#[derive(Clone, Debug)]
+pub(super) struct Node {
+    minimum: [Lanes; 3],
+    maximum: [Lanes; 3],
+    pub(super) children: [Child; LANES],
 }
 
 impl Node {
-    /// What node number `index` holds.
-    #[inline(always)]
-    pub(super) fn contents(&self, index: usize) -> Contents {
-        let start = self.start as usize;
-        if self.count == 0 {
-            Contents::Children([index + 1, start])
-        } else {
-            Contents::Leaf(start..start + self.count as usize)
+    fn new() -> Self {
+        Self {
+            minimum: [[f32::INFINITY; LANES]; 3],
+            maximum: [[f32::NEG_INFINITY; LANES]; 3],
+            children: [Child::Nothing; LANES],
         }
     }
 
-    /// Squared distance from a point to the box, square metres.
+    fn set(&mut self, lane: usize, bounds: Bounds, child: Child) {
+        for axis in 0..3 {
+            self.minimum[axis][lane] = bounds.minimum[axis];
+            self.maximum[axis][lane] = bounds.maximum[axis];
+        }
+        self.children[lane] = child;
+    }
+
+    /// Lowest and highest corner of a child's box, metres.
+    pub(super) fn bounds(&self, lane: usize) -> [Vec3; 2] {
+        [self.minimum, self.maximum].map(|corner| Vec3::from_array(corner.map(|lanes| lanes[lane])))
+    }
+
+    /// Squared distances from a finite point to the boxes, square metres.
     #[inline(always)]
-    pub(super) fn distance_squared(&self, point: Vec3) -> f32 {
-        (self.minimum - point).max(point - self.maximum).max(Vec3::ZERO).length_squared()
+    pub(super) fn distances_squared(&self, point: Vec3) -> Lanes {
+        let mut sum = [0.0; LANES];
+        for axis in 0..3 {
+            for lane in 0..LANES {
+                let below = self.minimum[axis][lane] - point[axis];
+                let above = point[axis] - self.maximum[axis][lane];
+                // Comparisons: `max` would look for NaN.
+                let outside = if below > above { below } else { above };
+                let outside = if outside > 0.0 { outside } else { 0.0 };
+                sum[lane] += outside * outside;
+            }
+        }
+        sum
     }
 }
 
-/// A face as traversals need it: a corner, the two sides from it, and its number in the mesh.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Triangle {
-    pub(super) corner: Vec3,
-    pub(super) sides: [Vec3; 2],
-    pub(super) face: u32,
-    /// Whether it is all but an edge or a point, where the sign of an area says nothing.
-    pub(super) is_sliver: bool,
+/// Eight triangles; what is missing of eight is filled with points in the corner of one that is there.
+#[derive(Clone, Debug)]
+pub(super) struct Packet {
+    pub(super) faces: [u32; LANES],
+    /// The first vertex.
+    pub(super) corner: [Lanes; 3],
+    /// From it to the second and the third vertex.
+    pub(super) sides: [[Lanes; 3]; 2],
 }
 
-impl Triangle {
-    fn new(mesh: &TriangleMesh, face: u32) -> Self {
-        /// Height over longest side.
-        const SLIMMEST: f32 = 1e-3;
-        let [a, b, c] = mesh.corners(face);
-        let sides = [b - a, c - a];
-        let longest_squared = sides[0].length_squared().max(sides[1].length_squared()).max(b.distance_squared(c));
-        let is_sliver = sides[0].cross(sides[1]).length() <= SLIMMEST * longest_squared;
-        Self { corner: a, sides, face, is_sliver }
+impl Packet {
+    /// At least one face, at most eight.
+    fn new(mesh: &TriangleMesh, faces: impl Iterator<Item = u32>) -> Self {
+        let mut packet = Self { faces: [0; LANES], corner: [[0.0; LANES]; 3], sides: [[[0.0; LANES]; 3]; 2] };
+        let mut count = 0;
+        for face in faces {
+            packet.faces[count] = face;
+            let [a, b, c] = mesh.corners(face);
+            for axis in 0..3 {
+                packet.corner[axis][count] = a[axis];
+                packet.sides[0][axis][count] = b[axis] - a[axis];
+                packet.sides[1][axis][count] = c[axis] - a[axis];
+            }
+            count += 1;
+        }
+        let corner = packet.corner.map(|lanes| lanes[0]);
+        for lane in count..LANES {
+            packet.faces[lane] = packet.faces[0];
+            packet.corner.iter_mut().zip(corner).for_each(|(lanes, place)| lanes[lane] = place);
+        }
+        packet
     }
 }
 
 pub(super) struct Hierarchy {
+    /// The first is the root.
     pub(super) nodes: Vec<Node>,
-    /// The faces in the order of the leaves.
-    pub(super) triangles: Vec<Triangle>,
+    pub(super) packets: Vec<Packet>,
 }
 
 impl Hierarchy {
@@ -88,11 +125,43 @@ impl Hierarchy {
             });
         }
         let mut items: Vec<Item> = (0..mesh.faces.len() as u32).map(|face| Item::new(mesh, face)).collect();
-        let mut nodes = Vec::with_capacity(items.len());
-        build(&mut nodes, &mut items, 0, 0);
-        let triangles = items.iter().map(|item| Triangle::new(mesh, item.face)).collect();
-        Ok(Self { nodes, triangles })
+        let mut hierarchy = Self { nodes: Vec::new(), packets: Vec::new() };
+        hierarchy.build(mesh, &mut items, 0);
+        Ok(hierarchy)
     }
+
+    /// Appends the node of `items` and all nodes and packets below it; returns its index.
+    fn build(&mut self, mesh: &TriangleMesh, items: &mut [Item], level: usize) -> u32 {
+        let index = self.nodes.len();
+        self.nodes.push(Node::new());
+        for (lane, group) in split(items, level).into_iter().enumerate() {
+            let bounds = group.iter().fold(Bounds::EMPTY, |all, item| all.and(item.bounds));
+            let child = if group.len() <= LANES {
+                self.packets.push(Packet::new(mesh, group.iter().map(|item| item.face)));
+                Child::Packet(self.packets.len() as u32 - 1)
+            } else {
+                Child::Node(self.build(mesh, group, level + 1))
+            };
+            self.nodes[index].set(lane, bounds, child);
+        }
+        index as u32
+    }
+}
+
+/// Divides items into at most eight groups: again and again the largest that is more than a packet.
+fn split(items: &mut [Item], level: usize) -> Vec<&mut [Item]> {
+    let mut groups = vec![items];
+    while groups.len() < LANES {
+        let largest = (0..groups.len()).max_by_key(|&group| groups[group].len()).unwrap_or(0);
+        if groups[largest].len() <= LANES {
+            break;
+        }
+        let group = groups.swap_remove(largest);
+        let by_heuristic = if level < LEVELS_BY_HEURISTIC { split_by_area(group) } else { None };
+        let middle = by_heuristic.unwrap_or_else(|| split_at_median(group));
+        groups.extend(<[_; 2]>::from(group.split_at_mut(middle)));
+    }
+    groups
 }
 
 #[derive(Clone, Copy)]
@@ -131,28 +200,6 @@ impl Bounds {
         let size = (self.maximum - self.minimum).max(Vec3::ZERO);
         size.x * size.y + size.y * size.z + size.z * size.x
     }
-}
-
-/// Appends the node of `items`, whose first is triangle `start`, and all nodes below it.
-fn build(nodes: &mut Vec<Node>, items: &mut [Item], start: usize, depth: usize) {
-    let bounds = items.iter().fold(Bounds::EMPTY, |all, item| all.and(item.bounds));
-    let index = nodes.len();
-    nodes.push(Node {
-        minimum: bounds.minimum,
-        maximum: bounds.maximum,
-        start: start as u32,
-        count: items.len() as u32,
-    });
-    if items.len() <= FACES_A_LEAF {
-        return;
-    }
-    let by_heuristic = if depth < DEEPEST_BY_HEURISTIC { split_by_area(items) } else { None };
-    let middle = by_heuristic.unwrap_or_else(|| split_at_median(items));
-    let (low, high) = items.split_at_mut(middle);
-    build(nodes, low, start, depth + 1);
-    nodes[index].start = nodes.len() as u32;
-    nodes[index].count = 0;
-    build(nodes, high, start + middle, depth + 1);
 }
 
 fn centre_bounds(items: &[Item]) -> Bounds {
@@ -216,26 +263,40 @@ fn partition(items: &mut [Item], goes_first: impl Fn(&Item) -> bool) -> usize {
 mod tests {
     use super::*;
 
-    fn depth_and_faces(hierarchy: &Hierarchy, index: usize) -> (usize, usize) {
-        let node = &hierarchy.nodes[index];
-        match node.contents(index) {
-            Contents::Leaf(range) => {
-                for triangle in &hierarchy.triangles[range.clone()] {
-                    for corner in [Vec3::ZERO, triangle.sides[0], triangle.sides[1]] {
-                        assert!(node.distance_squared(triangle.corner + corner) < 1e-10);
+    fn depth_and_faces(hierarchy: &Hierarchy, index: u32) -> (usize, Vec<u32>) {
+        let node = &hierarchy.nodes[index as usize];
+        let (mut depth, mut faces) = (1, Vec::new());
+        for (lane, child) in node.children.iter().enumerate() {
+            match child {
+                Child::Nothing => {}
+                Child::Node(child) => {
+                    assert!(*child > index);
+                    let (below, of_child) = depth_and_faces(hierarchy, *child);
+                    depth = depth.max(1 + below);
+                    faces.extend(of_child);
+                }
+                Child::Packet(packet) => {
+                    let packet = &hierarchy.packets[*packet as usize];
+                    let mut of_packet = packet.faces.to_vec();
+                    of_packet.sort_unstable();
+                    of_packet.dedup();
+                    faces.extend(of_packet);
+                    let of_lane = |lanes: [Lanes; 3], lane: usize| Vec3::from_array(lanes.map(|lanes| lanes[lane]));
+                    for triangle in 0..LANES {
+                        let corner = of_lane(packet.corner, triangle);
+                        for side in [Vec3::ZERO, of_lane(packet.sides[0], triangle), of_lane(packet.sides[1], triangle)]
+                        {
+                            assert!(node.distances_squared(corner + side)[lane] < 1e-10);
+                        }
                     }
                 }
-                (1, range.len())
-            }
-            Contents::Children(children) => {
-                let [a, b] = children.map(|child| depth_and_faces(hierarchy, child));
-                (1 + a.0.max(b.0), a.1 + b.1)
             }
         }
+        (depth, faces)
     }
 
     #[test]
-    fn every_face_is_in_one_leaf_and_no_input_makes_it_deep() {
+    fn every_face_is_in_one_packet_and_no_input_makes_it_deep() {
         let triangle = |at: Vec3, size: f32| [at, at + Vec3::X * size, at + Vec3::Y * size];
         // All at one place; and each half as far out as the one before, which the area heuristic would peel off one by one.
         let identical: Vec<Vec3> = (0..3000).flat_map(|_| triangle(Vec3::ONE, 0.1)).collect();
@@ -245,9 +306,10 @@ mod tests {
             let faces: Vec<[u32; 3]> = (0..vertices.len() as u32 / 3).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect();
             let mesh = TriangleMesh { vertices, faces, ..TriangleMesh::default() };
             let hierarchy = Hierarchy::new(&mesh).unwrap();
-            let (depth, count) = depth_and_faces(&hierarchy, 0);
-            assert_eq!(count, mesh.faces.len());
-            assert!(depth <= DEEPEST);
+            let (depth, mut found) = depth_and_faces(&hierarchy, 0);
+            found.sort_unstable();
+            assert_eq!(found, (0..mesh.faces.len() as u32).collect::<Vec<_>>());
+            assert!(depth <= LEVELS_BY_HEURISTIC + 11);
         }
     }
 

@@ -1,6 +1,8 @@
 //! Random points of a surface, uniform by area.
 
 use rand::Rng;
+use rand::distr::Distribution;
+use rand_distr::weighted::WeightedAliasIndex;
 
 use super::{SurfacePoint, TriangleMesh};
 use crate::{Error, Result};
@@ -10,8 +12,10 @@ use crate::{Error, Result};
 pub struct SurfaceSampler {
     /// The faces that have an area.
     faces: Vec<u32>,
-    /// The area of the faces up to and including each, square metres.
-    area_up_to: Vec<f64>,
+    /// Draws one of them, each as often as it is large, in constant time.
+    weighted: WeightedAliasIndex<f64>,
+    /// Of all, square metres.
+    area: f64,
 }
 
 impl SurfaceSampler {
@@ -36,37 +40,26 @@ impl SurfaceSampler {
                 expected: format!("less than the {} faces", mesh.faces.len()),
             });
         }
-        let mut sampler =
-            Self { faces: Vec::with_capacity(chosen.len()), area_up_to: Vec::with_capacity(chosen.len()) };
-        let mut total = 0.0;
-        for &face in chosen {
-            let area = mesh.face_area(face);
-            if area > 0.0 {
-                total += area;
-                sampler.faces.push(face);
-                sampler.area_up_to.push(total);
-            }
-        }
-        if sampler.faces.is_empty() {
-            return Err(Error::Value {
-                name: "surface to sample".into(),
-                found: format!("{} faces without area", chosen.len()),
-                expected: "an area above zero".into(),
-            });
-        }
-        Ok(sampler)
+        let (faces, areas): (Vec<u32>, Vec<f64>) =
+            chosen.iter().map(|face| (*face, mesh.face_area(*face))).filter(|(_, area)| *area > 0.0).unzip();
+        let area = areas.iter().sum();
+        let weighted = WeightedAliasIndex::new(areas).map_err(|_| Error::Value {
+            name: "surface to sample".into(),
+            found: format!("{} faces of {area} square metres", chosen.len()),
+            expected: "a finite area above zero".into(),
+        })?;
+        Ok(Self { faces, weighted, area })
     }
 
     /// The area that is drawn from, square metres.
     #[must_use]
     pub fn area(&self) -> f64 {
-        self.area_up_to.last().copied().unwrap_or(0.0)
+        self.area
     }
 
-    /// One point, from three random numbers.
+    /// One point.
     pub fn sample(&self, rng: &mut impl Rng) -> SurfacePoint {
-        let area = rng.random::<f64>() * self.area();
-        let index = self.area_up_to.partition_point(|&up_to| up_to <= area).min(self.faces.len() - 1);
+        let index = self.weighted.sample(rng);
         // The upper half of the unit square, folded onto the lower, is uniform on the triangle.
         let (mut v, mut w) = (rng.random::<f32>(), rng.random::<f32>());
         if v + w > 1.0 {

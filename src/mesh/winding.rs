@@ -9,10 +9,12 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 use rayon::prelude::*;
+use smallvec::{SmallVec, smallvec};
+use xavatar_network::vectorised;
 
 use super::TriangleMesh;
 use super::closest::{ClosestPoint, SurfaceIndex};
-use super::hierarchy::{Contents, DEEPEST, Hierarchy, Triangle};
+use super::hierarchy::{Child, Hierarchy, LANES, Lanes, Packet};
 use crate::Result;
 
 /// A group of faces is a dipole from this many radii on (Barill et al. use 2: half the error, half as fast).
@@ -21,8 +23,8 @@ const FAR: f32 = 1.5;
 /// A mesh's solid, prepared for inside tests and signed distances. Independent of the mesh once built.
 pub struct SolidIndex {
     surface: SurfaceIndex,
-    /// Of each node's faces.
-    dipoles: Vec<Dipole>,
+    /// Of the faces in each node's boxes.
+    dipoles: Vec<Dipoles>,
     /// Of each face of the mesh.
     face_normals: Vec<Vec3>,
 }
@@ -30,15 +32,15 @@ pub struct SolidIndex {
 /// A closest point whose least barycentric weight is above this is within a face, not on an edge, whatever the rounding.
 const FACE_INTERIOR: f32 = 1e-4;
 
-#[derive(Clone, Copy, Debug)]
-struct Dipole {
-    /// The faces' centre, weighted by area.
-    centre: Vec3,
-    /// Square of the distance from which the faces are seen as one.
-    far_squared: f32,
+/// The groups of faces in the boxes of a node.
+#[derive(Clone, Debug)]
+struct Dipoles {
+    /// The faces' centres, weighted by area.
+    centre: [Lanes; 3],
+    /// Square of the distance from which a group is seen as one; infinite for a group of nothing.
+    far_squared: Lanes,
     /// The sum of normals times areas, divided by 4 pi.
-    moment: Vec3,
-    area: f32,
+    moment: [Lanes; 3],
 }
 
 impl SolidIndex {
@@ -62,32 +64,30 @@ impl SolidIndex {
     /// The generalised winding number.
     #[must_use]
     pub fn winding_number(&self, point: Vec3) -> f32 {
-        let Hierarchy { nodes, triangles } = &self.surface.hierarchy;
-        let mut winding = 0.0;
-        let mut stack = [0u32; DEEPEST];
-        let mut waiting = 1;
-        while waiting > 0 {
-            waiting -= 1;
-            let index = stack[waiting] as usize;
-            let dipole = &self.dipoles[index];
-            let to_centre = dipole.centre - point;
-            let distance_squared = to_centre.length_squared();
-            if distance_squared > dipole.far_squared {
-                winding += dipole.moment.dot(to_centre) / (distance_squared * distance_squared.sqrt());
-                continue;
-            }
-            match nodes[index].contents(index) {
-                Contents::Children(children) => {
-                    stack[waiting] = children[1] as u32;
-                    stack[waiting + 1] = children[0] as u32;
-                    waiting += 2;
-                }
-                Contents::Leaf(range) => {
-                    winding += triangles[range].iter().map(|t| solid_angle(t, point)).sum::<f32>() / (4.0 * PI);
+        vectorised(
+            #[inline(always)]
+            || self.winding(point),
+        )
+    }
+
+    #[inline(always)]
+    fn winding(&self, point: Vec3) -> f32 {
+        let Hierarchy { nodes, packets } = &self.surface.hierarchy;
+        let (mut of_groups, mut half_angles) = ([0.0; LANES], 0.0);
+        let mut waiting: SmallVec<[u32; 64]> = smallvec![0];
+        while let Some(index) = waiting.pop() {
+            let is_near = self.dipoles[index as usize].add_far(point, &mut of_groups);
+            for (child, is_near) in nodes[index as usize].children.into_iter().zip(is_near) {
+                match child {
+                    Child::Node(child) if is_near => waiting.push(child),
+                    Child::Packet(packet) if is_near => {
+                        half_angles += half_solid_angles(&packets[packet as usize], point)
+                    }
+                    _ => {}
                 }
             }
         }
-        winding
+        of_groups.iter().sum::<f32>() + half_angles / (2.0 * PI)
     }
 
     /// Whether a point is inside: its winding number is above one half.
@@ -130,45 +130,98 @@ impl SolidIndex {
     }
 }
 
-fn dipoles(hierarchy: &Hierarchy) -> Vec<Dipole> {
-    let nothing = Dipole { centre: Vec3::ZERO, far_squared: f32::INFINITY, moment: Vec3::ZERO, area: 0.0 };
-    let mut dipoles = vec![nothing; hierarchy.nodes.len()];
+impl Dipoles {
+    const NOTHING: Self =
+        Self { centre: [[0.0; LANES]; 3], far_squared: [f32::INFINITY; LANES], moment: [[0.0; LANES]; 3] };
+
+    /// Adds the winding numbers of the groups that are far from a point; returns which are not.
+    #[inline(always)]
+    fn add_far(&self, point: Vec3, winding: &mut Lanes) -> [bool; LANES] {
+        let mut is_near = [false; LANES];
+        for lane in 0..LANES {
+            let of_lane = |lanes: &[Lanes; 3]| Vec3::new(lanes[0][lane], lanes[1][lane], lanes[2][lane]);
+            let to_centre = of_lane(&self.centre) - point;
+            let distance_squared = to_centre.length_squared();
+            is_near[lane] = !(distance_squared > self.far_squared[lane]);
+            let seen_as_one = of_lane(&self.moment).dot(to_centre) / (distance_squared * distance_squared.sqrt());
+            winding[lane] += if is_near[lane] { 0.0 } else { seen_as_one };
+        }
+        is_near
+    }
+}
+
+/// A group of faces while its dipole is summed.
+#[derive(Clone, Copy, Default)]
+struct Group {
+    /// The sum of normals times areas, square metres.
+    moment: Vec3,
+    area: f32,
+    /// The sum of centres times areas.
+    weighted_centre: Vec3,
+}
+
+impl Group {
+    fn and(self, other: Self) -> Self {
+        Self {
+            moment: self.moment + other.moment,
+            area: self.area + other.area,
+            weighted_centre: self.weighted_centre + other.weighted_centre,
+        }
+    }
+
+    fn of_packet(packet: &Packet) -> Self {
+        let of_lane = |lanes: &[Lanes; 3], lane: usize| Vec3::from_array(lanes.map(|lanes| lanes[lane]));
+        let of_triangle = |lane: usize| {
+            let [ab, ac] = [&packet.sides[0], &packet.sides[1]].map(|side| of_lane(side, lane));
+            let moment = ab.cross(ac) / 2.0;
+            let (area, centre) = (moment.length(), of_lane(&packet.corner, lane) + (ab + ac) / 3.0);
+            Self { moment, area, weighted_centre: centre * area }
+        };
+        (0..LANES).map(of_triangle).fold(Self::default(), Self::and)
+    }
+}
+
+fn dipoles(hierarchy: &Hierarchy) -> Vec<Dipoles> {
+    let mut dipoles = vec![Dipoles::NOTHING; hierarchy.nodes.len()];
+    let mut groups = vec![Group::default(); hierarchy.nodes.len()];
     // Children stand after their parent.
     for (index, node) in hierarchy.nodes.iter().enumerate().rev() {
-        let (mut moment, mut area, mut weighted_centre) = (Vec3::ZERO, 0.0, Vec3::ZERO);
-        let mut add = |part_moment: Vec3, part_area: f32, centre: Vec3| {
-            moment += part_moment;
-            area += part_area;
-            weighted_centre += centre * part_area;
-        };
-        match node.contents(index) {
-            Contents::Children(children) => {
-                children.map(|child| &dipoles[child]).into_iter().for_each(|d| add(d.moment, d.area, d.centre));
-            }
-            Contents::Leaf(range) => {
-                for Triangle { corner, sides: [ab, ac], .. } in &hierarchy.triangles[range] {
-                    let normal_times_area = ab.cross(*ac) / 2.0;
-                    add(normal_times_area / (4.0 * PI), normal_times_area.length(), corner + (ab + ac) / 3.0);
-                }
+        for (lane, child) in node.children.iter().enumerate() {
+            let group = match child {
+                Child::Nothing => continue,
+                Child::Node(child) => groups[*child as usize],
+                Child::Packet(packet) => Group::of_packet(&hierarchy.packets[*packet as usize]),
+            };
+            groups[index] = groups[index].and(group);
+            let [low, high] = node.bounds(lane);
+            let centre = if group.area > 0.0 { group.weighted_centre / group.area } else { low * 0.5 + high * 0.5 };
+            let farthest_corner = (centre - low).max(high - centre);
+            let of_node = &mut dipoles[index];
+            of_node.far_squared[lane] = FAR * FAR * farthest_corner.length_squared();
+            for axis in 0..3 {
+                of_node.centre[axis][lane] = centre[axis];
+                of_node.moment[axis][lane] = group.moment[axis] / (4.0 * PI);
             }
         }
-        let middle = node.minimum * 0.5 + node.maximum * 0.5;
-        let centre = if area > 0.0 { weighted_centre / area } else { middle };
-        let farthest_corner = (centre - node.minimum).max(node.maximum - centre);
-        let far_squared = FAR * FAR * farthest_corner.length_squared();
-        dipoles[index] = Dipole { centre, far_squared, moment, area };
     }
     dipoles
 }
 
-/// The solid angle of a triangle, positive seen from behind (van Oosterom & Strackee 1983); 0 at its own corners.
-fn solid_angle(triangle: &Triangle, point: Vec3) -> f32 {
-    let a = triangle.corner - point;
-    let (b, c) = (a + triangle.sides[0], a + triangle.sides[1]);
-    let (la, lb, lc) = (a.length(), b.length(), c.length());
-    let volume = a.dot(triangle.sides[0].cross(triangle.sides[1]));
-    let cosines = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    2.0 * volume.atan2(cosines)
+/// Half the sum of a packet's solid angles, positive seen from behind (van Oosterom & Strackee 1983); 0 of triangles whose
+/// corner the point is.
+#[inline(always)]
+fn half_solid_angles(packet: &Packet, point: Vec3) -> f32 {
+    let (mut volumes, mut cosines) = ([0.0; LANES], [0.0; LANES]);
+    for lane in 0..LANES {
+        let of_lane = |lanes: &[Lanes; 3]| Vec3::new(lanes[0][lane], lanes[1][lane], lanes[2][lane]);
+        let [ab, ac] = [of_lane(&packet.sides[0]), of_lane(&packet.sides[1])];
+        let a = of_lane(&packet.corner) - point;
+        let (b, c) = (a + ab, a + ac);
+        let (la, lb, lc) = (a.length(), b.length(), c.length());
+        volumes[lane] = a.dot(ab.cross(ac));
+        cosines[lane] = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+    }
+    volumes.iter().zip(cosines).map(|(volume, cosine)| volume.atan2(cosine)).sum()
 }
 
 #[cfg(test)]
@@ -180,8 +233,8 @@ mod tests {
     fn dipoles_change_the_sum_of_solid_angles_little() {
         let solid = SolidIndex::new(&bumpy_sphere(40)).unwrap();
         for point in random_points(400, 1.6, 11) {
-            let exact: f32 =
-                solid.surface.hierarchy.triangles.iter().map(|t| solid_angle(t, point)).sum::<f32>() / (4.0 * PI);
+            let packets = solid.surface.hierarchy.packets.iter();
+            let exact = packets.map(|packet| half_solid_angles(packet, point)).sum::<f32>() / (2.0 * PI);
             assert!((solid.winding_number(point) - exact).abs() < 0.1);
         }
     }

@@ -4,7 +4,7 @@
 
 use super::cells::{LANES, Lanes, LevelCells};
 use crate::Real;
-use crate::activation::vectorised;
+use crate::instructions::vectorised;
 
 /// Groups between a visit and the prefetch of its entries.
 const AHEAD: usize = 1;
