@@ -31,7 +31,7 @@ use crate::train::{insert_parameters, load_parameters, load_voxels};
 use crate::{Error, Result};
 
 /// Version of the file's layout.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Rows a thread evaluates at a time.
 const BLOCK_ROWS: usize = 256;
 

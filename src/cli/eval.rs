@@ -30,8 +30,8 @@ pub struct Eval {
     /// Measure a baseline on the same frames, learned from the training frames
     #[arg(long, value_enum)]
     baseline: Option<Baseline>,
-    /// Cells along the longest side of the box around the body
-    #[arg(long, value_name = "R", default_value_t = 256, value_parser = super::extract::resolution)]
+    /// Cells along the longest side of the box around the body: with 256 or fewer, the cells blur a face more than the avatar does
+    #[arg(long, value_name = "R", default_value_t = 512, value_parser = super::extract::resolution)]
     resolution: usize,
     /// Write a page with metrics, pictures and the avatar to play with here [default: report.html in the run's folder, anew]
     #[arg(long, value_name = "FILE")]

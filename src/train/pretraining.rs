@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use xavatar_deformer::BoneTransform;
 use xavatar_network::Representation;
 
+use super::curve::Curve;
 use super::distance_grid::DistanceGrid;
 use super::losses::{CanonicalBatch, WeightTargets};
 use crate::Result;
@@ -186,7 +187,9 @@ impl<'a> CanonicalBody<'a> {
                 deep + DEEP_SPREAD * Vec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)))
             }
         };
-        let points: Vec<Vec3> = (0..count).map(&mut draw).collect();
+        let mut points: Vec<Vec3> = (0..count).map(&mut draw).collect();
+        let curve = Curve::over((low, high));
+        points.sort_by_cached_key(|point| curve.place(*point));
         for point in points {
             let distance = self.distance(point.to_array());
             if !(-CERTAINLY_INSIDE..CERTAINLY_OUTSIDE).contains(&distance) {

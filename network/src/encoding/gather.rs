@@ -119,9 +119,8 @@ pub(super) fn contract<T: Real, const F: usize>(
 fn prefetch<E>(entries: &[E], groups: &[[Lanes<u32>; 8]], group: usize) {
     #[cfg(target_arch = "x86_64")]
     if let Some(corners) = groups.get(group) {
-        // Neighbours along x mostly share a cache line.
-        for corner in [0, 2, 4, 6] {
-            for entry in corners[corner] {
+        for entries_of_corner in corners {
+            for entry in *entries_of_corner {
                 let address = entries.as_ptr().wrapping_add(entry as usize);
                 // SAFETY: a hint, which reads nothing and cannot fault whatever the address.
                 unsafe { std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(address.cast()) };
