@@ -11,6 +11,7 @@ mod light;
 mod occlusion;
 mod plot;
 mod png;
+mod projection;
 mod rasterize;
 mod rgbd;
 mod scene;
