@@ -35,8 +35,10 @@ pub(super) struct Block {
 pub(super) struct BandList {
     /// Indices into the block's.
     pub triangles: Vec<u32>,
-    /// The columns of pixels that they reach.
-    pub columns: Range<usize>,
+    /// The first column of pixels that they reach; [`usize::MAX`] if there are none.
+    pub left: usize,
+    /// The first column after those that they reach.
+    pub right: usize,
 }
 
 /// A triangle on the snapped grid with positive area.
@@ -92,7 +94,7 @@ pub(super) fn project(
         .par_chunks(FACE_BLOCK)
         .enumerate()
         .map(|(block, faces)| {
-            let list = BandList { triangles: Vec::new(), columns: usize::MAX..0 };
+            let list = BandList { triangles: Vec::new(), left: usize::MAX, right: 0 };
             let mut result = Block { triangles: Vec::with_capacity(faces.len()), bands: vec![list; bands] };
             for (offset, face) in faces.iter().enumerate() {
                 let index = (block * FACE_BLOCK + offset) as u32;
@@ -190,7 +192,8 @@ impl Grid<'_> {
         let index = block.triangles.len() as u32;
         for band in &mut block.bands[rows.start / self.band_rows..=(rows.end - 1) / self.band_rows] {
             band.triangles.push(index);
-            band.columns = band.columns.start.min(columns.start)..band.columns.end.max(columns.end);
+            band.left = band.left.min(columns.start);
+            band.right = band.right.max(columns.end);
         }
         block.triangles.push(triangle);
     }

@@ -111,12 +111,9 @@ impl<const N: usize> Rasterizer<N> {
         band.first_row = index * BAND_ROWS;
         let rows = BAND_ROWS.min(self.height - band.first_row);
         let lists = || self.blocks.iter().map(|block| &block.bands[index]);
-        band.columns = lists().map(|list| list.columns.start).min().unwrap_or(usize::MAX)
-            ..lists().map(|list| list.columns.end).max().unwrap_or(0);
-        if band.columns.is_empty() {
-            band.columns = 0..0;
-            return;
-        }
+        let left = lists().map(|list| list.left).min().unwrap_or(usize::MAX);
+        let right = lists().map(|list| list.right).max().unwrap_or(0);
+        band.columns = if left < right { left..right } else { 0..0 };
         for row in band.pixels.chunks_exact_mut(self.width) {
             row[band.columns.clone()].fill(Pixel::EMPTY);
         }
@@ -178,8 +175,8 @@ fn draw_triangle<T: Integer, const N: usize>(
         let mut corner = [0, row as i32 * SNAP - origin[1]];
         for pixel in &mut band.pixels[start + columns.start..start + columns.end] {
             let mut covered = [zero; N];
-            for sample in 0..N {
-                covered[sample] = (values[0] + edges[0].offsets[sample])
+            for (sample, covered) in covered.iter_mut().enumerate() {
+                *covered = (values[0] + edges[0].offsets[sample])
                     | (values[1] + edges[1].offsets[sample])
                     | (values[2] + edges[2].offsets[sample]);
             }
