@@ -22,7 +22,7 @@ pub use crate::camera::PinholeCamera as Camera;
 pub use colour_map::{ColourMap, NAMED_COLOURS, PART_NAMES, joint_colours, part_colours, weight_colours};
 pub use film::{Film, FilmFormat};
 pub use framing::{FRONT, THREE_QUARTER, framing_row};
-pub use legend::{draw_names, draw_scale};
+pub use legend::{with_names, with_scale};
 pub use plot::{Plot, Series};
 pub use png::write_png;
 pub use rgbd::{RgbdImage, render_depth, render_rgbd};
