@@ -92,8 +92,8 @@ fn extent(points: &[Vec3], axes: Mat3) -> [Vec3; 2] {
     })
 }
 
-/// Cameras for pictures that stand in a row: all bodies at one scale and on one line, each picture as wide as its body needs, all of
-/// them `height` pixels high. Seen from `azimuth`, as in [`PinholeCamera::framing`].
+/// Cameras for pictures that stand in a row: all bodies at one scale and on one line, each picture as wide as its body needs, all
+/// of them `height` pixels high. Seen from `azimuth`, as in [`PinholeCamera::framing`].
 ///
 /// # Errors
 /// [`Error::Value`] if a body has no points, or none that is finite.
@@ -176,6 +176,20 @@ mod tests {
                 fill = fill.max(relative.max_element());
             }
             assert!((0.85..1.0).contains(&fill), "azimuth {azimuth}: corners reach {fill} of the half picture");
+        }
+    }
+
+    #[test]
+    fn points_fill_the_picture_where_their_box_would_not() {
+        // A plank towards the camera's left and right: its box is as deep as it is wide.
+        let across = Vec3::new(THREE_QUARTER.cos(), 0.0, -THREE_QUARTER.sin());
+        let points = [-across, across, Vec3::Y * 0.1];
+        let camera = PinholeCamera::framing_points(&points, THREE_QUARTER, 300, 300).unwrap();
+        let [left, right, top] = points.map(|point| camera.project(point).0);
+        assert!((5.0..12.0).contains(&left.x) && (288.0..295.0).contains(&right.x), "{left} {right}");
+        assert!(top.y < left.y, "up is up");
+        for wrong in [&[][..], &[Vec3::ONE; 3], &[Vec3::ZERO, Vec3::NAN]] {
+            assert!(PinholeCamera::framing_points(wrong, FRONT, 300, 300).is_err(), "{wrong:?}");
         }
     }
 

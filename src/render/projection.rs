@@ -1,8 +1,8 @@
 //! Faces on the picture's grid: perspective projection, clipping, and which bands of rows a triangle touches.
 //!
-//! A vertex (x, y, z) in camera space lies at (fx x / z + cx, fy y / z + cy), snapped to 1/512 pixel, so that faces sharing a vertex
-//! share its snapped place. Faces that no part of the picture sees are dropped, and those that reach too far or behind the camera
-//! are cut. F faces, V vertices.
+//! A vertex (x, y, z) in camera space lies at (fx x / z + cx, fy y / z + cy), snapped to 1/512 pixel, so that faces sharing a
+//! vertex share its snapped place. Faces that lie outside the picture are dropped, and those that reach too far or behind the
+//! camera are cut. Pixels; metres.
 
 use std::ops::Range;
 

@@ -208,7 +208,8 @@ fn draw_triangle<T: Integer, const N: usize>(
     }
 }
 
-/// Twice the signed area of (from, to, place), an affine function of the place; lowered by one where samples on the edge are not ours.
+/// Twice the signed area of (from, to, place), an affine function of the place; lowered by one where samples on the edge are not
+/// ours.
 struct Edge<T, const N: usize> {
     /// At the corner of the first pixel.
     first: T,
