@@ -37,8 +37,8 @@ fn avatar(grid: bool) -> Avatar {
     let mut config = Config::preset_with("paper-scan", &settings).unwrap();
     let (body, betas) = (subject().model(), subject().betas());
     let joints = body.canonical_joints(&betas).unwrap().to_vec();
-    // Larger than the ball, so that its surface is not cut off.
-    let bounds = (Vec3::splat(-1.3), Vec3::splat(1.3));
+    // Larger than the ball, so that its surface is not cut off, even where a test makes it uneven.
+    let bounds = (Vec3::splat(-1.6), Vec3::splat(1.6));
     let skinning = if grid {
         let shape = VoxelShape { spacing: 0.1, fine_spacing: 0.05 };
         config.fields.skinning = SkinningSettings::Voxels(shape);
@@ -219,9 +219,8 @@ fn the_files_own_skinning_is_the_fixed_topology() {
             worst = worst.max(farthest(vertices, &fixed.pose(parameters).unwrap().vertices));
             assert!(farthest(vertices, &rigged.posed(index)) < 1e-5);
         }
-        // On this ball vertices hang far from their bones: four influences cut more than on a body.
-        let bound = if influences == 8 { 1e-4 } else { 5e-4 };
-        assert!(worst < bound, "{influences} influences: {worst}");
+        // On this ball vertices hang far from their bones: four influences alone are 10 cm off.
+        assert!(worst < 1e-4, "{influences} influences: {worst}");
         assert!((worst - f64::from(report.corrected.max)).abs() < 1e-5, "{worst} is not {report:?}");
     }
 }
@@ -324,13 +323,15 @@ fn expressions_of_avatars_without_offsets_are_the_fields() {
     };
     let vertices = &rigged.mesh.vertices;
     let neutral = values(vertices, [0.0; 10]);
-    let change = |values: Vec<f32>| values.iter().zip(&neutral).map(|(a, b)| (a - b).abs()).sum::<f32>();
+    let largest = neutral.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
+    assert!(largest < 0.01, "vertices lie on the surface, not where it is cut off: {largest}");
+    let change = |values: Vec<f32>| values.iter().zip(&neutral).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     for (coefficient, morph) in rigged.morphs.iter().enumerate() {
         let mut expression = [0.0; 10];
         expression[coefficient] = 1.0;
         let moved: Vec<Vec3> = vertices.iter().zip(&morph.offsets).map(|(p, d)| *p + *d).collect();
         let (before, after) = (change(values(vertices, expression)), change(values(&moved, expression)));
-        assert!(after < 0.5 * before, "{}: {before} to {after}", morph.name);
+        assert!(after < 0.02 * before, "{}: {before} to {after}", morph.name);
     }
 }
 
@@ -344,7 +345,7 @@ fn without_a_body_model_the_skeleton_moves_the_avatar_alone() {
     assert!(report.most_influences > 8);
     for (vertices, parameters) in Glb::of(&rigged).animated().iter().zip(&frames) {
         let worst = farthest(vertices, &fixed.pose(parameters).unwrap().vertices);
-        assert!(worst < 5e-4, "{worst}");
+        assert!(worst < 1e-4, "{worst}");
     }
 }
 

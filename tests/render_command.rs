@@ -30,11 +30,20 @@ fn xavatar(arguments: &[&str]) -> Output {
 
 /// `render` of the demo's avatar at a low resolution, with more arguments.
 fn render(out: &Path, more: &[&str]) -> Output {
+    command(out, more).output().unwrap()
+}
+
+fn command(out: &Path, more: &[&str]) -> Command {
     let Made { run, data, .. } = made();
     let (run, body, out) =
         (run.display().to_string(), data.join("body").display().to_string(), out.display().to_string());
-    let usual = ["render", &run, "--body", &body, "--resolution", "48", "--size", "60x90", "--out", &out];
-    xavatar(&[&usual, more].concat())
+    let mut command = Command::new(env!("CARGO_BIN_EXE_xavatar"));
+    command.args(["render", &run, "--body", &body, "--resolution", "48", "--out", &out]);
+    if !more.contains(&"--size") {
+        command.args(["--size", "60x90"]);
+    }
+    command.args(more);
+    command
 }
 
 fn stderr(output: &Output) -> String {
@@ -110,13 +119,57 @@ fn an_mp4_is_made_by_ffmpeg_or_its_absence_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("film.mp4");
     let has_ffmpeg = Command::new("ffmpeg").arg("-version").output().is_ok_and(|output| output.status.success());
-    let output = render(&out, &["--frames", "1..3"]);
-    if has_ffmpeg {
-        assert!(output.status.success(), "{}", stderr(&output));
-        assert_eq!(&std::fs::read(&out).unwrap()[4..8], b"ftyp");
-    } else {
+    // Odd sides: a player's colours are halved.
+    let film = ["--frames", "1..3", "--fixed-topology", "--size", "61x91"];
+    let output = render(&out, &film);
+    if !has_ffmpeg {
         println!("no ffmpeg here: only the error is tested");
         assert!(stderr(&output).contains("install ffmpeg"), "{}", stderr(&output));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        return;
     }
+    assert!(output.status.success(), "{}", stderr(&output));
+    // Back to pictures, which are those of the folder but for an even side and what the codec takes.
+    let pngs = folder.path().join("pngs");
+    assert!(render(&pngs, &film).status.success());
+    let decoded = Command::new("ffmpeg")
+        .args(["-v", "error", "-i"])
+        .arg(&out)
+        .arg(folder.path().join("decoded-f%05d.png"))
+        .output()
+        .unwrap();
+    assert!(decoded.status.success(), "{}", stderr(&decoded));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2 + 3, "three pictures, and nothing else");
+    for frame in 1..=3 {
+        let picture = |path: PathBuf| image::open(path).unwrap().to_rgb8();
+        let film = picture(folder.path().join(format!("decoded-f{frame:05}.png")));
+        let exact = picture(pngs.join(format!("frame-f{frame:05}.png")));
+        assert_eq!(film.dimensions(), (62, 92));
+        let differences = exact.enumerate_pixels().flat_map(|(x, y, pixel)| {
+            let found = film.get_pixel(x, y).0;
+            [0, 1, 2].map(|channel| f64::from(pixel.0[channel].abs_diff(found[channel])))
+        });
+        let mean = differences.sum::<f64>() / (3.0 * 61.0 * 91.0);
+        assert!(mean < 4.0, "frame {frame} differs by {mean} levels");
+    }
+}
+
+// A program of that name that reads a little and gives up.
+#[cfg(unix)]
+#[test]
+fn an_ffmpeg_that_fails_is_quoted_and_leaves_nothing() {
+    use std::os::unix::fs::PermissionsExt;
+
+    let (folder, tools) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let ffmpeg = tools.path().join("ffmpeg");
+    let script = "#!/bin/sh\n[ \"$1\" = -version ] && exit 0\nread -r _\necho 'no encoder on this moon' >&2\nexit 3\n";
+    std::fs::write(&ffmpeg, script).unwrap();
+    std::fs::set_permissions(&ffmpeg, PermissionsExt::from_mode(0o755)).unwrap();
+    let path = std::env::join_paths([tools.path().into(), PathBuf::from("/usr/bin"), PathBuf::from("/bin")]).unwrap();
+    let out = folder.path().join("film.mp4");
+    let output = command(&out, &["--frames", "1..3", "--fixed-topology"]).env("PATH", path).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let message = stderr(&output);
+    assert!(message.contains("no encoder on this moon") && message.contains("film.mp4"), "{message}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

@@ -34,20 +34,39 @@ impl PinholeCamera {
                 expected: "a finite box with an extent".into(),
             });
         }
-        let target = (minimum + maximum) / 2.0;
-        let direction = Vec3::new(azimuth.sin(), 0.0, azimuth.cos());
-        let right = Vec3::new(direction.z, 0.0, -direction.x);
+        let corner = |index: u32, axis: usize| if index >> axis & 1 == 0 { minimum[axis] } else { maximum[axis] };
+        let corners: Vec<Vec3> =
+            (0..8).map(|index| Vec3::from_array([0, 1, 2].map(|axis| corner(index, axis)))).collect();
+        Self::framing_points(&corners, azimuth, width, height)
+    }
+
+    /// As [`framing`](Self::framing), but of points: nearer than for their box, unless the azimuth is along one of its sides.
+    ///
+    /// # Errors
+    /// [`Error::Value`] if there are none, or none but one place, or one is not finite.
+    pub fn framing_points(points: &[Vec3], azimuth: f32, width: u32, height: u32) -> Result<Self> {
+        let axes = view_axes(azimuth);
+        let [low, high] = extent(points, axes);
+        let finite = azimuth.is_finite() && points.iter().all(|point| point.is_finite());
+        if !(finite && (high - low).max_element() > 0.0) {
+            return Err(Error::Value {
+                name: "points to be framed".into(),
+                found: format!("{} from {low} to {high}, seen from azimuth {azimuth}", points.len()),
+                expected: "finite points that have an extent".into(),
+            });
+        }
+        let middle = (low + high) / 2.0;
         let vertical = (FIELD_OF_VIEW / 2.0).tan();
         let horizontal = vertical * width as f32 / height.max(1) as f32;
-        let distance = (0..8)
-            .map(|corner| {
-                let side = |bit: u32| if corner >> bit & 1 == 0 { -0.5 } else { 0.5 };
-                let offset = extent * Vec3::new(side(0), side(1), side(2)) * MARGIN;
-                let opening = (offset.dot(right).abs() / horizontal).max(offset.y.abs() / vertical);
-                opening + offset.dot(direction)
+        let distance = points
+            .iter()
+            .map(|point| {
+                let offset = (axes * *point - middle) * MARGIN;
+                (offset.x.abs() / horizontal).max(offset.y.abs() / vertical) + offset.z
             })
             .fold(0.0, f32::max);
-        Self::looking_at(target + direction * distance, target, FIELD_OF_VIEW, [width, height])
+        let place = |along: Vec3| axes.transpose() * along;
+        Self::looking_at(place(middle + Vec3::Z * distance), place(middle), FIELD_OF_VIEW, [width, height])
     }
 
     /// The camera after it has gone around the vertical line through `centre` by `angle`, radians, towards the subject's left.
@@ -59,24 +78,29 @@ impl PinholeCamera {
     }
 }
 
-/// Cameras for pictures that stand in a row: all bodies at one scale and on one line, each picture as wide as its body needs, all of
-/// them `height` pixels high. Seen from `azimuth`, as in [`PinholeCamera::framing`].
+/// Rows: right, up and towards the camera, for one that is level and looks from this azimuth.
+fn view_axes(azimuth: f32) -> Mat3 {
+    let (sin, cos) = azimuth.sin_cos();
+    Mat3::from_cols(Vec3::new(cos, 0.0, -sin), Vec3::Y, Vec3::new(sin, 0.0, cos)).transpose()
+}
+
+/// The lowest and highest coordinates along the rows of `axes`.
+fn extent(points: &[Vec3], axes: Mat3) -> [Vec3; 2] {
+    points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], point| {
+        let place = axes * *point;
+        [low.min(place), high.max(place)]
+    })
+}
+
+/// Cameras for pictures that stand in a row: all bodies at one scale and on one line, each picture as wide as its body needs, all
+/// of them `height` pixels high. Seen from `azimuth`, as in [`PinholeCamera::framing`].
 ///
 /// # Errors
 /// [`Error::Value`] if a body has no points, or none that is finite.
 pub fn framing_row(bodies: &[&[Vec3]], azimuth: f32, height: u32) -> Result<Vec<PinholeCamera>> {
-    let direction = Vec3::new(azimuth.sin(), 0.0, azimuth.cos());
-    let right = Vec3::new(direction.z, 0.0, -direction.x);
+    let axes = view_axes(azimuth);
     // Low and high corner of each along right, up and towards the camera.
-    let extents: Vec<[Vec3; 2]> = bodies
-        .iter()
-        .map(|points| {
-            points.iter().fold([Vec3::MAX, Vec3::MIN], |[low, high], point| {
-                let place = Vec3::new(point.dot(right), point.y, point.dot(direction));
-                [low.min(place), high.max(place)]
-            })
-        })
-        .collect();
+    let extents: Vec<[Vec3; 2]> = bodies.iter().map(|points| extent(points, axes)).collect();
     let sizes = extents.iter().map(|[low, high]| *high - *low);
     let largest = sizes.fold(Vec3::ZERO, Vec3::max);
     if bodies.is_empty()
@@ -94,9 +118,14 @@ pub fn framing_row(bodies: &[&[Vec3]], azimuth: f32, height: u32) -> Result<Vec<
     let room = largest.y * (MARGIN - 1.0);
     let camera = |[low, high]: &[Vec3; 2]| {
         let middle = (*low + *high) / 2.0;
-        let target = right * middle.x + direction * middle.z + Vec3::Y * (low.y + largest.y / 2.0);
+        let target = axes.transpose() * Vec3::new(middle.x, low.y + largest.y / 2.0, middle.z);
         let width = ((high.x - low.x + room) * pixels_per_metre).ceil() as u32;
-        PinholeCamera::looking_at(target + direction * distance, target, FIELD_OF_VIEW, [width.max(1), height])
+        PinholeCamera::looking_at(
+            target + axes.transpose() * Vec3::Z * distance,
+            target,
+            FIELD_OF_VIEW,
+            [width.max(1), height],
+        )
     };
     extents.iter().map(camera).collect()
 }
@@ -147,6 +176,20 @@ mod tests {
                 fill = fill.max(relative.max_element());
             }
             assert!((0.85..1.0).contains(&fill), "azimuth {azimuth}: corners reach {fill} of the half picture");
+        }
+    }
+
+    #[test]
+    fn points_fill_the_picture_where_their_box_would_not() {
+        // A plank towards the camera's left and right: its box is as deep as it is wide.
+        let across = Vec3::new(THREE_QUARTER.cos(), 0.0, -THREE_QUARTER.sin());
+        let points = [-across, across, Vec3::Y * 0.1];
+        let camera = PinholeCamera::framing_points(&points, THREE_QUARTER, 300, 300).unwrap();
+        let [left, right, top] = points.map(|point| camera.project(point).0);
+        assert!((5.0..12.0).contains(&left.x) && (288.0..295.0).contains(&right.x), "{left} {right}");
+        assert!(top.y < left.y, "up is up");
+        for wrong in [&[][..], &[Vec3::ONE; 3], &[Vec3::ZERO, Vec3::NAN]] {
+            assert!(PinholeCamera::framing_points(wrong, FRONT, 300, 300).is_err(), "{wrong:?}");
         }
     }
 

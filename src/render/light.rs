@@ -55,17 +55,16 @@ pub(super) fn decode_srgb(value: f32) -> f32 {
 /// The sRGB byte of a linear intensity; brighter than white is white.
 pub(super) fn encode_srgb(intensity: f32) -> u8 {
     /// Steps of the table over the square root of the intensity, in which sRGB is nearly linear.
-    const STEPS: f32 = 4095.0;
-    static TABLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
-        (0..=STEPS as u32)
-            .map(|step| {
-                let value = (step as f32 / STEPS).powi(2);
-                let encoded = if value <= 0.0031308 { value * 12.92 } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 };
-                (encoded * 255.0).round() as u8
-            })
-            .collect()
+    const STEPS: usize = 4096;
+    const LAST: f32 = (STEPS - 1) as f32;
+    static TABLE: LazyLock<[u8; STEPS]> = LazyLock::new(|| {
+        std::array::from_fn(|step| {
+            let value = (step as f32 / LAST).powi(2);
+            let encoded = if value <= 0.0031308 { value * 12.92 } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 };
+            (encoded * 255.0).round() as u8
+        })
     });
-    TABLE[(intensity.clamp(0.0, 1.0).sqrt() * STEPS + 0.5) as usize]
+    TABLE[(intensity.clamp(0.0, 1.0).sqrt() * LAST + 0.5) as usize]
 }
 
 #[cfg(test)]

@@ -5,14 +5,13 @@
 
 use glam::Vec2;
 use image::RgbImage;
-use rayon::prelude::*;
 
 use super::framing::check_camera;
 use super::rasterize::{CENTRE, EMPTY, Rasterizer, sample_place};
 use super::scene::{check, meeting_point, to_camera};
 use crate::Result;
 use crate::camera::PinholeCamera;
-use crate::mesh::TriangleMesh;
+use crate::mesh::{SurfacePoint, TriangleMesh};
 
 /// Relative difference between a face's depth at a pixel's centre and the z-buffer's that only faces seen edge-on have.
 const EDGE_ON: f32 = 0.01;
@@ -32,14 +31,15 @@ pub struct RgbdImage {
 /// [`Error::Value`](crate::Error::Value) if the camera is impossible, or the mesh fails [`TriangleMesh::check`] or reaches farther
 /// than 1000 km.
 pub fn render_rgbd(mesh: &TriangleMesh, camera: &PinholeCamera) -> Result<RgbdImage> {
-    let pixels = visible(mesh, camera)?;
+    let pixels = visible(mesh, camera, (f32::INFINITY, [0; 3]), |depth, point| {
+        let colour = mesh.colour_at(&point).unwrap_or_default() * 255.0;
+        (depth, colour.round().to_array().map(|channel| channel as u8))
+    })?;
     let mut colour = RgbImage::new(camera.width, camera.height);
-    colour.par_chunks_mut(3).zip(pixels.par_iter()).for_each(|(channels, pixel)| {
-        if let Some(colour) = pixel.and_then(|(_, point)| mesh.colour_at(&point)) {
-            channels.copy_from_slice(&(colour * 255.0).round().to_array().map(|channel| channel as u8));
-        }
-    });
-    Ok(RgbdImage { depth: depths(&pixels), colour })
+    for (channels, (_, pixel)) in colour.chunks_exact_mut(3).zip(&pixels) {
+        channels.copy_from_slice(pixel);
+    }
+    Ok(RgbdImage { depth: pixels.iter().map(|(depth, _)| *depth).collect(), colour })
 }
 
 /// The depth z of the surface at each pixel's centre, row by row (height x width), metres; infinite where there is none.
@@ -47,40 +47,39 @@ pub fn render_rgbd(mesh: &TriangleMesh, camera: &PinholeCamera) -> Result<RgbdIm
 /// # Errors
 /// As [`render_rgbd`].
 pub fn render_depth(mesh: &TriangleMesh, camera: &PinholeCamera) -> Result<Vec<f32>> {
-    visible(mesh, camera).map(|pixels| depths(&pixels))
+    visible(mesh, camera, f32::INFINITY, |depth, _| depth)
 }
 
-/// Where the ray through a pixel's centre meets the mesh, and at which depth.
-type Pixel = Option<(f32, crate::mesh::SurfacePoint)>;
-
-fn visible(mesh: &TriangleMesh, camera: &PinholeCamera) -> Result<Vec<Pixel>> {
+/// For each pixel the `value` of the depth and the point where the ray through its centre meets the mesh; `nothing` where there is
+/// none.
+fn visible<T: Copy + Send>(
+    mesh: &TriangleMesh,
+    camera: &PinholeCamera,
+    nothing: T,
+    value: impl Fn(f32, SurfacePoint) -> T + Sync,
+) -> Result<Vec<T>> {
     check_camera(camera)?;
     check(mesh)?;
     let points = to_camera(mesh, camera);
     let width = camera.width as usize;
-    let mut pixels = vec![None; width * camera.height as usize];
+    let mut pixels = vec![nothing; width * camera.height as usize];
     Rasterizer::new(&points, &mesh.faces, camera, CENTRE).draw(&mut pixels, 1, |band, pixels| {
         for (row, pixels) in pixels.chunks_exact_mut(width).enumerate() {
-            for column in band.columns.clone() {
-                let [face] = band.faces(row, column);
+            for (column, sample) in band.columns.clone().zip(band.row(row)) {
+                let ([face], [inverse]) = (sample.faces, sample.inverse_depths);
                 if face == EMPTY {
                     continue;
                 }
-                let corner = Vec2::new(column as f32, (band.first_row + row as u32) as f32);
+                let corner = Vec2::new(column as f32, (band.first_row + row) as f32);
                 let ray = camera.ray(corner + sample_place(&CENTRE, 0));
                 let corners = mesh.faces[face as usize].map(|vertex| points[vertex as usize]);
                 let point = meeting_point(face, corners, ray);
                 let exact: f32 = corners.iter().zip(point.barycentric).map(|(corner, share)| corner.z * share).sum();
                 // A face seen edge-on has no one depth at its pixel: the z-buffer's is one of them.
-                let inverse = band.inverse_depths(row, column)[0];
                 let depth = if (exact * inverse - 1.0).abs() < EDGE_ON { exact } else { 1.0 / inverse };
-                pixels[column] = Some((depth, point));
+                pixels[column] = value(depth, point);
             }
         }
     });
     Ok(pixels)
-}
-
-fn depths(pixels: &[Pixel]) -> Vec<f32> {
-    pixels.iter().map(|pixel| pixel.map_or(f32::INFINITY, |(depth, _)| depth)).collect()
 }

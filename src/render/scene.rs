@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 
 use glam::{Vec2, Vec3};
-use image::RgbImage;
+use image::{Rgb, RgbImage};
 use rayon::prelude::*;
 
 use super::colour_map::{ColourMap, linear_colour};
@@ -14,7 +14,7 @@ use super::floor::Floor;
 use super::framing::check_camera;
 use super::light::{decode_srgb, encode_srgb, illumination, softly_open};
 use super::occlusion::Sky;
-use super::rasterize::{Band, EMPTY, ROOKS, Rasterizer, sample_place};
+use super::rasterize::{Band, EMPTY, Pixel, ROOKS, Rasterizer, sample_place};
 use crate::camera::PinholeCamera;
 use crate::mesh::{SurfacePoint, TriangleMesh};
 use crate::{Error, Result};
@@ -23,6 +23,8 @@ use crate::{Error, Result};
 const SAMPLES: usize = ROOKS.len();
 /// Coordinates beyond it are no picture's subject, and their squares would leave f32's range, metres.
 const FARTHEST: f32 = 1e6;
+/// What is seen where there is nothing.
+const BACKGROUND: Rgb<u8> = Rgb([255; 3]);
 /// The colour of a mesh without one: a warm plaster, linear.
 const PLASTER: Vec3 = Vec3::new(0.64, 0.62, 0.59);
 /// Share of a coloured surface's light that does not depend on direction: scans carry their own shading.
@@ -108,10 +110,10 @@ impl<'a> Scene<'a> {
     pub fn render(&self, camera: &PinholeCamera, view: View) -> Result<RgbImage> {
         check_camera(camera)?;
         let points = to_camera(self.mesh, camera);
-        let places = std::array::from_fn(|sample| sample_place(&ROOKS, sample));
-        let shader = Shader { scene: self, points: &points, camera, view, places };
+        let floor = self.floor.as_ref().filter(|_| matches!(view, View::Shaded | View::Colour));
+        let shader = Shader { scene: self, points: &points, camera, view, floor, centroids: centroids() };
         let PinholeCamera { width, height, .. } = *camera;
-        let mut picture = RgbImage::new(width, height);
+        let mut picture = RgbImage::from_pixel(width, height, BACKGROUND);
         Rasterizer::new(&points, &self.mesh.faces, camera, ROOKS)
             .draw(&mut picture, 3, |band, pixels| shader.shade(band, pixels));
         Ok(picture)
@@ -142,57 +144,64 @@ struct Shader<'a> {
     points: &'a [Vec3],
     camera: &'a PinholeCamera,
     view: View,
-    /// Where a pixel's samples lie in it.
-    places: [Vec2; SAMPLES],
+    floor: Option<&'a Floor>,
+    /// The centroid of a pixel's samples whose bits are set in the index, from the pixel's upper left corner.
+    centroids: Vec<Vec2>,
+}
+
+/// The mean place of each choice of a pixel's samples; of none, the value has no meaning.
+fn centroids() -> Vec<Vec2> {
+    (0..1_u32 << SAMPLES)
+        .map(|chosen| {
+            let places =
+                (0..SAMPLES).filter(|sample| chosen >> sample & 1 == 1).map(|sample| sample_place(&ROOKS, sample));
+            places.sum::<Vec2>() / chosen.count_ones() as f32
+        })
+        .collect()
 }
 
 impl Shader<'_> {
     fn shade(&self, band: &Band<SAMPLES>, pixels: &mut [u8]) {
-        let width = self.camera.width;
-        for (index, line) in pixels.chunks_exact_mut(3 * width as usize).enumerate() {
-            let row = band.first_row + index as u32;
-            for (column, pixel) in line.chunks_exact_mut(3).enumerate() {
-                let faces = if band.columns.contains(&column) { band.faces(index, column) } else { [EMPTY; SAMPLES] };
-                let corner = Vec2::new(column as f32, row as f32);
-                let light = if faces == [EMPTY; SAMPLES] {
-                    self.background(corner + 0.5)
-                } else {
-                    self.mean_light(faces, corner)
-                };
-                pixel.copy_from_slice(&light.to_array().map(encode_srgb));
+        let width = self.camera.width as usize;
+        for (index, line) in pixels.chunks_exact_mut(3 * width).enumerate() {
+            let row = (band.first_row + index) as f32;
+            let mut put = |column: usize, light: Vec3| {
+                line[3 * column..3 * column + 3].copy_from_slice(&light.to_array().map(encode_srgb));
+            };
+            if self.floor.is_some() {
+                for column in (0..band.columns.start).chain(band.columns.end..width) {
+                    put(column, self.background(Vec2::new(column as f32, row) + 0.5));
+                }
+            }
+            for (column, pixel) in band.columns.clone().zip(band.row(index)) {
+                put(column, self.mean_light(pixel, Vec2::new(column as f32, row)));
             }
         }
     }
 
     /// The mean over the faces that the samples of the pixel with this upper left corner see.
-    fn mean_light(&self, faces: [u32; SAMPLES], corner: Vec2) -> Vec3 {
+    fn mean_light(&self, pixel: &Pixel<SAMPLES>, corner: Vec2) -> Vec3 {
         let mut light = Vec3::ZERO;
-        for sample in 0..SAMPLES {
-            if faces[..sample].contains(&faces[sample]) {
-                continue;
-            }
-            let alike = (sample..SAMPLES).filter(|&other| faces[other] == faces[sample]);
-            let (sum, count) = alike.fold((Vec2::ZERO, 0.0), |(sum, n), other| (sum + self.places[other], n + 1.0));
-            light += count
-                * match faces[sample] {
-                    EMPTY => self.background(corner + sum / count),
-                    face => self.colour(face, corner + sum / count),
-                };
+        // Samples are bits.
+        let mut left = (1_u32 << SAMPLES) - 1;
+        while left != 0 {
+            let face = pixel.faces[left.trailing_zeros() as usize];
+            let alike = (0..SAMPLES).fold(0, |bits, sample| bits | u32::from(pixel.faces[sample] == face) << sample);
+            let place = corner + self.centroids[alike as usize];
+            let colour = if face == EMPTY { self.background(place) } else { self.colour(face, place) };
+            light += alike.count_ones() as f32 * colour;
+            left &= !alike;
         }
         light / SAMPLES as f32
     }
 
     fn background(&self, place: Vec2) -> Vec3 {
-        match (&self.scene.floor, self.view) {
-            (Some(floor), View::Shaded | View::Colour) => {
-                // Without an edge of shadow where the picture ends.
-                let width = self.camera.width as f32;
-                let inward = (place.x.min(width - place.x) / (width * FLOOR_FADE)).clamp(0.0, 1.0);
-                let fade = inward * inward * (3.0 - 2.0 * inward);
-                Vec3::splat(softly_open(floor.openness(self.camera, place), FLOOR_SHADOW * fade))
-            }
-            _ => Vec3::ONE,
-        }
+        let Some(floor) = self.floor else { return Vec3::ONE };
+        // Without an edge of shadow where the picture ends.
+        let width = self.camera.width as f32;
+        let inward = (place.x.min(width - place.x) / (width * FLOOR_FADE)).clamp(0.0, 1.0);
+        let fade = inward * inward * (3.0 - 2.0 * inward);
+        Vec3::splat(softly_open(floor.openness(self.camera, place), FLOOR_SHADOW * fade))
     }
 
     /// The linear colour of a face at a place of the picture.
@@ -201,8 +210,8 @@ impl Shader<'_> {
         let vertices = mesh.faces[face as usize].map(|vertex| vertex as usize);
         let corners = vertices.map(|vertex| self.points[vertex]);
         let point = meeting_point(face, corners, self.camera.ray(place));
-        let mean =
-            |values: [Vec3; 3]| -> Vec3 { values.iter().zip(point.barycentric).map(|(v, share)| *v * share).sum() };
+        let [of_a, of_b, of_c] = point.barycentric;
+        let mean = |[a, b, c]: [Vec3; 3]| a * of_a + b * of_b + c * of_c;
         if let View::Depth { near, far } = self.view {
             return linear_colour(ColourMap::Viridis, (far - mean(corners).z) / (far - near));
         }
@@ -215,7 +224,10 @@ impl Shader<'_> {
         // Open scans show their inner side too: light it as if it were an outer one.
         let facing = if outward.dot(corners[0]) > 0.0 { -normal } else { normal };
         let open = match &self.scene.openness {
-            Some(openness) => vertices.iter().zip(point.barycentric).map(|(v, share)| openness[*v] * share).sum(),
+            Some(openness) => {
+                let [a, b, c] = vertices.map(|vertex| openness[vertex]);
+                a * of_a + b * of_b + c * of_c
+            }
             None => 1.0,
         };
         let lit = illumination(facing, open);
@@ -239,8 +251,8 @@ pub(super) fn meeting_point(face: u32, corners: [Vec3; 3], ray: Vec3) -> Surface
     let determinant = first.dot(across);
     let b = start.dot(across) / determinant;
     let c = ray.dot(start.cross(first)) / determinant;
-    let shares = [1.0 - b - c, b, c].map(|share| share.max(0.0));
-    let sum: f32 = shares.iter().sum();
+    let shares = [(1.0 - b - c).max(0.0), b.max(0.0), c.max(0.0)];
+    let sum = shares[0] + shares[1] + shares[2];
     // A face seen edge-on has no unique point: take its middle.
     let barycentric = if sum.is_finite() && sum > 0.0 { shares.map(|share| share / sum) } else { [1.0 / 3.0; 3] };
     SurfacePoint { face, barycentric }

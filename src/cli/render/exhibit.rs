@@ -1,15 +1,11 @@
 //! What stands in front of the camera in one pose: the avatar, its mesh in other colours, and the scan.
 
 use clap::ValueEnum;
-use image::{Rgb, RgbImage, imageops};
 use xavatar::body::{PartLabels, Registration};
 use xavatar::mesh::{Colouring, SurfaceIndex, TriangleMesh};
 use xavatar::render::{
-    Camera, ColourMap, PART_NAMES, Scene, Tile, View, draw_names, draw_scale, part_colours, weight_colours,
+    Camera, ColourMap, PART_NAMES, Scene, Tile, View, part_colours, weight_colours, with_names, with_scale,
 };
-
-/// Rows of a legend, pixels.
-const LEGEND: u32 = 48;
 
 /// A kind of picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -140,14 +136,6 @@ impl Exhibit {
     }
 }
 
-/// The picture with room for a legend below it.
-fn with_strip(picture: &RgbImage) -> RgbImage {
-    let (width, height) = picture.dimensions();
-    let mut taller = RgbImage::from_pixel(width, height + LEGEND, Rgb([255; 3]));
-    imageops::replace(&mut taller, picture, 0, 0);
-    taller
-}
-
 /// An exhibit's meshes, lit.
 pub struct Scenes<'a> {
     exhibit: &'a Exhibit,
@@ -177,13 +165,9 @@ impl Scenes<'_> {
         let mut picture = scene.render(camera, view)?;
         let mut label = panel.name().to_owned();
         match panel {
-            Panel::Parts => {
-                picture = with_strip(&picture);
-                draw_names(&mut picture, &PART_NAMES);
-            }
+            Panel::Parts => picture = with_names(&picture, &PART_NAMES),
             Panel::Error => {
-                picture = with_strip(&picture);
-                draw_scale(&mut picture, ColourMap::Heat, panels.largest_error, "mm");
+                picture = with_scale(&picture, ColourMap::Heat, panels.largest_error, "mm");
                 label = format!("mean {:.1} mm", self.exhibit.mean_error);
             }
             _ => {}

@@ -13,7 +13,7 @@ use xavatar::data::{Clip, FrameSource, Subject};
 use xavatar::mesh::TriangleMesh;
 use xavatar::render::{Camera, Film, FilmFormat, THREE_QUARTER, Tile, contact_sheet, framing_row, write_png};
 
-use self::cameras::{FilmCameras, turn};
+use self::cameras::{FilmCameras, Stance, turn};
 use self::exhibit::{Exhibit, Panel, Panels};
 use super::inputs::{Split, SubjectFrames, load_body};
 use super::motion::MotionArguments;
@@ -185,7 +185,7 @@ impl Render {
         let bodies: Vec<&[glam::Vec3]> = places.iter().map(Vec::as_slice).collect();
         // One pose turned, or each pose from the same side.
         let shown: Vec<(&Exhibit, Camera)> = if self.turntable {
-            let camera = FilmCameras::around(bodies[0], (self.size.0, self.size.1))?;
+            let camera = FilmCameras::around(bodies[0], self.size)?;
             (0..COLUMNS).map(|side| (&exhibits[0], camera.turned(turn(side, COLUMNS)))).collect()
         } else {
             exhibits.iter().zip(framing_row(&bodies, THREE_QUARTER, self.size.1)?).collect()
@@ -210,10 +210,17 @@ impl Render {
         stop: &AtomicBool,
         progress: &mut Progress,
     ) -> anyhow::Result<Option<usize>> {
-        let poses =
-            moments.iter().map(|moment| studio.posed(&moment.parameters)).collect::<xavatar::Result<Vec<_>>>()?;
-        let cameras = FilmCameras::of(&poses, self.size, self.turntable)?;
-        let total = if self.turntable { (TURN * rate).ceil() as usize } else { moments.len() };
+        let stance = |moment: &Moment| {
+            let (body, pelvis) = studio.posed(&moment.parameters)?;
+            Ok(Stance::new(&body, pelvis))
+        };
+        let (cameras, total) = if self.turntable {
+            let (body, _) = studio.posed(&moments[0].parameters)?;
+            (FilmCameras::around(&body, self.size)?, (TURN * rate).ceil() as usize)
+        } else {
+            let stances = moments.iter().map(stance).collect::<xavatar::Result<Vec<_>>>()?;
+            (FilmCameras::of(&stances, self.size)?, moments.len())
+        };
         let mut film: Option<Film> = None;
         let mut add = |tiles: Vec<Tile>| -> anyhow::Result<()> {
             let picture = side_by_side(tiles)?;

@@ -9,6 +9,9 @@ use super::Pictures;
 use crate::{Error, Result};
 
 const PROGRAM: &str = "ffmpeg";
+/// Players want halved colours, and those want even sides; and HD's matrix, which the file names too: of small pictures players
+/// would guess another.
+const FILTERS: &str = "pad=ceil(iw/2)*2:ceil(ih/2)*2:0:0:white,scale=out_color_matrix=bt709:out_range=tv";
 /// Most that is quoted of what ffmpeg complains about, bytes.
 const LONGEST_COMPLAINT: u64 = 400;
 
@@ -35,11 +38,15 @@ fn encode(path: &Path, folder: &Path, pictures: &mut Pictures) -> io::Result<()>
     // Not a pipe, which nobody would empty while pictures are written.
     let mut complaints = tempfile::tempfile()?;
     let (width, height) = pictures.size;
-    let mut ffmpeg = Command::new(PROGRAM)
+    let mut command = Command::new(PROGRAM);
+    // Ctrl-C is not for ffmpeg: the film is nearly done.
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(&mut command, 0);
+    let mut ffmpeg = command
         .args(["-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
         .args(["-s", &format!("{width}x{height}"), "-r", &pictures.frames_per_second.to_string(), "-i", "-"])
-        // Players want halved colours, and those want even sides.
-        .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:0:0:white", "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
+        .args(["-vf", FILTERS, "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
+        .args(["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"])
         .arg(input_safe(&partial))
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
