@@ -150,7 +150,7 @@ fn closest_of_each(packet: &Packet, point: Vec3) -> ClosestOfEach {
         let of_normal = normal.length_squared();
         let longest = larger(larger(of_ab, of_ac), of_bc);
         let [v, w] = [normal.dot(ap.cross(ac)) / of_normal, normal.dot(ab.cross(ap)) / of_normal];
-        let is_sliver = !(of_normal > SLIMMEST * SLIMMEST * longest * longest);
+        let is_sliver = of_normal <= SLIMMEST * SLIMMEST * longest * longest;
         let on_plane = if !is_sliver && v > 0.0 && w > 0.0 && v + w < 1.0 { [v, w] } else { [0.0; 2] };
         let mut best = ([0.0; 2], f32::INFINITY);
         for weights in [on_plane, [on_ab, 0.0], [0.0, on_ac], [1.0 - on_bc, on_bc]] {

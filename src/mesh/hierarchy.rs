@@ -61,13 +61,13 @@ impl Node {
     pub(super) fn distances_squared(&self, point: Vec3) -> Lanes {
         let mut sum = [0.0; LANES];
         for axis in 0..3 {
-            for lane in 0..LANES {
-                let below = self.minimum[axis][lane] - point[axis];
-                let above = point[axis] - self.maximum[axis][lane];
+            let sides = self.minimum[axis].iter().zip(&self.maximum[axis]);
+            for (sum, (minimum, maximum)) in sum.iter_mut().zip(sides) {
+                let (below, above) = (minimum - point[axis], point[axis] - maximum);
                 // Comparisons: `max` would look for NaN.
                 let outside = if below > above { below } else { above };
                 let outside = if outside > 0.0 { outside } else { 0.0 };
-                sum[lane] += outside * outside;
+                *sum += outside * outside;
             }
         }
         sum

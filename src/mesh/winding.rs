@@ -142,7 +142,7 @@ impl Dipoles {
             let of_lane = |lanes: &[Lanes; 3]| Vec3::new(lanes[0][lane], lanes[1][lane], lanes[2][lane]);
             let to_centre = of_lane(&self.centre) - point;
             let distance_squared = to_centre.length_squared();
-            is_near[lane] = !(distance_squared > self.far_squared[lane]);
+            is_near[lane] = distance_squared <= self.far_squared[lane];
             let seen_as_one = of_lane(&self.moment).dot(to_centre) / (distance_squared * distance_squared.sqrt());
             winding[lane] += if is_near[lane] { 0.0 } else { seen_as_one };
         }
