@@ -33,7 +33,7 @@ pub struct Ablate {
     #[arg(long, value_enum, default_value_t = Split::Test)]
     split: Split,
     /// Cells along the longest side of the box around the body
-    #[arg(long, value_name = "R", default_value_t = 256, value_parser = super::extract::resolution)]
+    #[arg(long, value_name = "R", default_value_t = 512, value_parser = super::extract::resolution)]
     resolution: usize,
     #[command(flatten)]
     json: JsonArgument,
