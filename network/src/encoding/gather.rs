@@ -58,6 +58,9 @@ pub(super) fn scatter<T: Real, const F: usize>(
                 let weights = weights(group, places);
                 for (lane, cotangent) in cotangents.chunks(stride).enumerate() {
                     let cotangent: [T; F] = std::array::from_fn(|feature| cotangent[feature]);
+                    if cotangent.iter().all(|value| *value == T::zero()) {
+                        continue;
+                    }
                     for corner in 0..8 {
                         let entry = &mut entries[corners[corner][lane] as usize];
                         for (sum, cotangent) in entry.iter_mut().zip(cotangent) {

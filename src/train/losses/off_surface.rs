@@ -44,6 +44,10 @@ impl<T: Real> Worker<T> {
                 self.add_term("distance", sum, total);
             }
         }
+        if !implicit && self.buffers.values.iter().all(|cotangent| *cotangent == T::zero()) {
+            // Beyond the truncation on the right side, as far points soon are.
+            return Ok(());
+        }
         let wanted = if implicit { Backward::ParametersAndPoints } else { Backward::Parameters };
         let Self { geometry, gradients, buffers, .. } = self;
         let on_embedded = fields.geometry.mlp.backward(geometry, &buffers.values, None, wanted, &mut gradients[0]);
