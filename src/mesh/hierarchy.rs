@@ -17,6 +17,12 @@ const BINS: usize = 12;
 /// One number of each lane.
 pub(super) type Lanes = [f32; LANES];
 
+/// The vector of one lane.
+#[inline(always)]
+pub(super) fn of_lane(lanes: &[Lanes; 3], lane: usize) -> Vec3 {
+    Vec3::new(lanes[0][lane], lanes[1][lane], lanes[2][lane])
+}
+
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Child {
     Nothing,
@@ -53,7 +59,7 @@ impl Node {
 
     /// Lowest and highest corner of a child's box, metres.
     pub(super) fn bounds(&self, lane: usize) -> [Vec3; 2] {
-        [self.minimum, self.maximum].map(|corner| Vec3::from_array(corner.map(|lanes| lanes[lane])))
+        [of_lane(&self.minimum, lane), of_lane(&self.maximum, lane)]
     }
 
     /// Squared distances from a finite point to the boxes, square metres.
@@ -99,10 +105,9 @@ impl Packet {
             }
             count += 1;
         }
-        let corner = packet.corner.map(|lanes| lanes[0]);
         for lane in count..LANES {
             packet.faces[lane] = packet.faces[0];
-            packet.corner.iter_mut().zip(corner).for_each(|(lanes, place)| lanes[lane] = place);
+            packet.corner.iter_mut().for_each(|lanes| lanes[lane] = lanes[0]);
         }
         packet
     }
@@ -281,10 +286,10 @@ mod tests {
                     of_packet.sort_unstable();
                     of_packet.dedup();
                     faces.extend(of_packet);
-                    let of_lane = |lanes: [Lanes; 3], lane: usize| Vec3::from_array(lanes.map(|lanes| lanes[lane]));
                     for triangle in 0..LANES {
-                        let corner = of_lane(packet.corner, triangle);
-                        for side in [Vec3::ZERO, of_lane(packet.sides[0], triangle), of_lane(packet.sides[1], triangle)]
+                        let corner = of_lane(&packet.corner, triangle);
+                        for side in
+                            [Vec3::ZERO, of_lane(&packet.sides[0], triangle), of_lane(&packet.sides[1], triangle)]
                         {
                             assert!(node.distances_squared(corner + side)[lane] < 1e-10);
                         }

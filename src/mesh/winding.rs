@@ -14,7 +14,7 @@ use xavatar_network::vectorised;
 
 use super::TriangleMesh;
 use super::closest::{ClosestPoint, SurfaceIndex};
-use super::hierarchy::{Child, Hierarchy, LANES, Lanes, Packet};
+use super::hierarchy::{Child, Hierarchy, LANES, Lanes, Packet, of_lane};
 use crate::Result;
 
 /// A group of faces is a dipole from this many radii on (Barill et al. use 2: half the error, half as fast).
@@ -139,11 +139,10 @@ impl Dipoles {
     fn add_far(&self, point: Vec3, winding: &mut Lanes) -> [bool; LANES] {
         let mut is_near = [false; LANES];
         for lane in 0..LANES {
-            let of_lane = |lanes: &[Lanes; 3]| Vec3::new(lanes[0][lane], lanes[1][lane], lanes[2][lane]);
-            let to_centre = of_lane(&self.centre) - point;
+            let to_centre = of_lane(&self.centre, lane) - point;
             let distance_squared = to_centre.length_squared();
             is_near[lane] = distance_squared <= self.far_squared[lane];
-            let seen_as_one = of_lane(&self.moment).dot(to_centre) / (distance_squared * distance_squared.sqrt());
+            let seen_as_one = of_lane(&self.moment, lane).dot(to_centre) / (distance_squared * distance_squared.sqrt());
             winding[lane] += if is_near[lane] { 0.0 } else { seen_as_one };
         }
         is_near
@@ -170,7 +169,6 @@ impl Group {
     }
 
     fn of_packet(packet: &Packet) -> Self {
-        let of_lane = |lanes: &[Lanes; 3], lane: usize| Vec3::from_array(lanes.map(|lanes| lanes[lane]));
         let of_triangle = |lane: usize| {
             let [ab, ac] = [&packet.sides[0], &packet.sides[1]].map(|side| of_lane(side, lane));
             let moment = ab.cross(ac) / 2.0;
@@ -213,9 +211,8 @@ fn dipoles(hierarchy: &Hierarchy) -> Vec<Dipoles> {
 fn half_solid_angles(packet: &Packet, point: Vec3) -> f32 {
     let (mut volumes, mut cosines) = ([0.0; LANES], [0.0; LANES]);
     for lane in 0..LANES {
-        let of_lane = |lanes: &[Lanes; 3]| Vec3::new(lanes[0][lane], lanes[1][lane], lanes[2][lane]);
-        let [ab, ac] = [of_lane(&packet.sides[0]), of_lane(&packet.sides[1])];
-        let a = of_lane(&packet.corner) - point;
+        let [ab, ac] = [of_lane(&packet.sides[0], lane), of_lane(&packet.sides[1], lane)];
+        let a = of_lane(&packet.corner, lane) - point;
         let (b, c) = (a + ab, a + ac);
         let (la, lb, lc) = (a.length(), b.length(), c.length());
         volumes[lane] = a.dot(ab.cross(ac));
