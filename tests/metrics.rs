@@ -21,9 +21,13 @@ fn labels(parts: Vec<Part>) -> PartLabels {
 
 /// Compares with a registration of which every vertex is the body.
 fn compare_bodies(prediction: &TriangleMesh, scan: &TriangleMesh, seed: u64) -> FrameMetrics {
+    compare_samples(prediction, scan, SAMPLES, seed)
+}
+
+fn compare_samples(prediction: &TriangleMesh, scan: &TriangleMesh, samples: usize, seed: u64) -> FrameMetrics {
     let labels = labels(vec![Part::Body; scan.vertices.len()]);
     let registration = Registration::new(&scan.vertices, &labels).unwrap();
-    compare(prediction, scan, &registration, SAMPLES, &mut ChaCha8Rng::seed_from_u64(seed)).unwrap()
+    compare(prediction, scan, &registration, samples, &mut ChaCha8Rng::seed_from_u64(seed)).unwrap()
 }
 
 fn assert_close(name: &str, found: f64, expected: f64, tolerance: f64) {
@@ -69,10 +73,12 @@ fn a_mesh_agrees_with_itself() {
 #[test]
 fn order_does_not_matter_and_the_seed_only_a_little() {
     let (sphere, torus) = (golden("sphere"), golden("torus"));
-    let (first, swapped) = (compare_bodies(&sphere, &torus, 4), compare_bodies(&torus, &sphere, 5));
+    // Of so many, the standard deviation of the difference is 1.2 % of this IoU.
+    let many = 10 * SAMPLES;
+    let (first, swapped) = (compare_samples(&sphere, &torus, many, 4), compare_samples(&torus, &sphere, many, 5));
     assert_close("CD", swapped.all.unwrap().cd_mm, first.all.unwrap().cd_mm, 0.02);
     assert_close("IoU", swapped.all.unwrap().iou, first.all.unwrap().iou, 0.04);
-    assert_eq!(compare_bodies(&sphere, &torus, 4), first, "the same seed gives the same numbers");
+    assert_eq!(compare_samples(&sphere, &torus, many, 4), first, "the same seed gives the same numbers");
 }
 
 /// Four balls, one a part, as a mesh and the parts of its vertices.
