@@ -87,7 +87,7 @@ const SMOKE: Size = Size {
 };
 
 /// Why a baseline without learning can win here.
-const BASELINE_NOTE: &str = "its bare hands are the body model's own, so SMPLX+D is exact there, as on no real subject";
+const BASELINE_NOTE: &str = "bare hands are the body model's own, so SMPLX+D is exact there, as on no real subject";
 
 impl Demo {
     pub fn run(self) -> anyhow::Result<Outcome> {
@@ -217,13 +217,13 @@ impl Demo {
             evaluation: Some((&measured, "in poses that were not trained on".into())),
             frames: shown,
             pictures: vec![sheet],
-            facts: [vec![Fact::new("Data", format!("the built-in subject; {BASELINE_NOTE}"))], machine()].concat(),
+            facts: [vec![Fact::new("Data", format!("the built-in subject; its {BASELINE_NOTE}"))], machine()].concat(),
         }
         .write(&page)?;
         outputs::write_json(&self.metrics_file(), &measured)?;
         let table = format!(
             "{} poses that were not trained on, against the subject's own surface\n{measured}\
-             {BASELINE_NOTE}\n\
+             the subject's {BASELINE_NOTE}\n\
              report   {}\npictures {}\nmeshes   {}\nmetrics  {}\navatar   {}",
             posed.len(),
             page.display(),
