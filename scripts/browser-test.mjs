@@ -227,16 +227,21 @@ async function testView(browser) {
     })()`;
     await page.until(`${isFine} && ${apart} < 0.03`, "the field's mesh of the new pose arrives");
     assert.ok((await page.picture()) !== first, "it has the new pose");
-    await page.screenshot("view-desktop-light.png", false);
+    await page.screenshot("view-posed.png", false);
     await page.evaluate("document.querySelector('[data-viewer=field]').click()");
     await page.until(`!${viewer}.shownMesh`, "the skinned mesh is shown again");
     assert.deepEqual(page.errors, [], "nothing in the console");
     assert.deepEqual(page.requests.filter((request) => !request.startsWith(url) && !request.startsWith("data:")), []);
     await page.close();
-    const phone = await Page.open(browser, url, { size: PHONE, scheme: "dark" });
-    await phone.until(isFine, "the field's mesh arrives on a phone");
-    await phone.screenshot("view-phone-dark.png", false);
-    await phone.close();
+    for (const [device, size] of Object.entries({ desktop: DESKTOP, phone: PHONE })) {
+      for (const scheme of ["light", "dark"]) {
+        const shown = await Page.open(browser, url, { size, scheme });
+        await shown.until(isFine, `the field's mesh arrives, ${device}, ${scheme}`);
+        await shown.screenshot(`view-${device}-${scheme}.png`, false);
+        assert.deepEqual(shown.errors, []);
+        await shown.close();
+      }
+    }
   } finally {
     const ended = new Promise((done) => { server.on("exit", done); });
     server.kill("SIGINT");

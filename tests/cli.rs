@@ -377,6 +377,39 @@ fn info_describes_files_in_json() {
 }
 
 #[test]
+fn figures_are_printed_as_json_alone() {
+    let (run, (data, body)) = (trained(), data());
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let printed = |arguments: &[&str]| -> serde_json::Value {
+        let output = self::run(&[arguments, &["--json", "-"]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice(&output.stdout).expect("JSON alone on stdout")
+    };
+    let mesh = file("canonical.ply");
+    let extracted = printed(&["extract", run, "--resolution", "32", "--out", text(&mesh)]);
+    assert_eq!(extracted["vertices"], read_mesh(&mesh).unwrap().vertices.len());
+    let (meshes, take) = (file("meshes"), PathBuf::from(data).join("train/Take1"));
+    let animate = ["animate", run, text(&take), "--body", body, "--fixed-topology", "--resolution", "32"];
+    let animated = printed(&[&animate[..], &["--out", text(&meshes)]].concat());
+    assert_eq!(
+        (&animated["meshes"], &animated["frames"], &animated["frames_per_second"]),
+        (&3.into(), &3.into(), &30.0.into())
+    );
+    let picture = file("dance.png");
+    let render = ["render", run, "--body", body, "--resolution", "32", "--size", "40x60", "--frames", "1..2"];
+    assert_eq!(printed(&[&render[..], &["--out", text(&picture)]].concat())["pictures"], 2);
+    let (pictures, points) = (file("pictures"), file("points.ply"));
+    let filmed = printed(&["render-rgbd", data, "--out", text(&pictures)]);
+    assert_eq!((&filmed["folder"], &filmed["frames"]), (&text(&pictures).into(), &4.into()));
+    let cloud = printed(&["pointcloud", text(&pictures), "--parts", "--body", body, "--out", text(&points)]);
+    let parts = cloud["parts"].as_object().unwrap();
+    assert_eq!(parts.keys().collect::<Vec<_>>(), ["body", "face", "left_hand", "right_hand"]);
+    let sum: u64 = parts.values().map(|count| count.as_u64().unwrap()).sum();
+    assert!(sum > 0 && cloud["points"] == sum, "{cloud}");
+}
+
+#[test]
 fn an_official_checkpoint_becomes_an_avatar() {
     let (_, body) = data();
     let official = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/official").join(name);

@@ -11,6 +11,7 @@ use xavatar::body::BodyParameters;
 
 use super::extract::MeshFormat;
 use super::inputs::load_body;
+use super::json::JsonArgument;
 use super::motion::MotionArguments;
 use super::progress::Progress;
 use super::{Outcome, outputs, stop};
@@ -51,6 +52,20 @@ pub struct Animate {
     fixed_topology: bool,
     #[command(flatten)]
     options: MotionArguments,
+    #[command(flatten)]
+    json: JsonArgument,
+}
+
+/// What is in the folder.
+#[derive(Serialize)]
+struct Animated<'a> {
+    folder: &'a Path,
+    meshes: usize,
+    /// Fewer meshes if the animation was stopped.
+    frames: usize,
+    frames_per_second: f32,
+    /// Smaller parts that were left out of the meshes made by this call.
+    dropped_components: usize,
 }
 
 /// A mesh to be made.
@@ -76,10 +91,11 @@ struct Source<'a> {
 
 impl Animate {
     pub fn run(self) -> anyhow::Result<Outcome> {
+        self.json.check()?;
         let avatar = Avatar::load(&self.avatar)?;
         let (body, labels) = load_body(&self.body, avatar.subject.gender)?;
         let clip = self.options.load(&self.motion, &avatar)?;
-        let total = clip.frames.len();
+        let (total, frames_per_second) = (clip.frames.len(), clip.frames_per_second);
         let avatar_file = if self.avatar.is_dir() { self.avatar.join(Avatar::FILE) } else { self.avatar.clone() };
         Source {
             avatar: std::path::absolute(&self.avatar)?,
@@ -87,7 +103,7 @@ impl Animate {
             motion: std::path::absolute(&self.motion)?,
             motion_checksum: checksum(format!("{:?}", clip.frames).as_bytes()),
             frames: total,
-            frames_per_second: clip.frames_per_second,
+            frames_per_second,
             format: self.format.extension(),
             resolution: self.resolution,
             fixed_topology: self.fixed_topology,
@@ -135,12 +151,17 @@ impl Animate {
         if dropped_components > 0 {
             log::info!("kept the largest part of each mesh; {dropped_components} smaller ones left out");
         }
-        if done < total {
-            println!("{}: {done} of {total} meshes; go on with the same call and --resume", self.out.display());
-            return Ok(Outcome::Stopped);
-        }
-        println!("{}: {total} meshes, {} per second", self.out.display(), clip.frames_per_second);
-        Ok(Outcome::Done)
+        let folder = self.out.display();
+        let (outcome, line) = if done < total {
+            let line = format!("{folder}: {done} of {total} meshes; go on with the same call and --resume");
+            (Outcome::Stopped, line)
+        } else {
+            (Outcome::Done, format!("{folder}: {total} meshes, {frames_per_second} per second"))
+        };
+        let animated =
+            Animated { folder: &self.out, meshes: done, frames: total, frames_per_second, dropped_components };
+        self.json.print(&animated, &line)?;
+        Ok(outcome)
     }
 }
 

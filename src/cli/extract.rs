@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use serde::Serialize;
 use xavatar::avatar::{Avatar, Extraction};
 use xavatar::body::BodyModel;
 use xavatar::data::{Clip, MotionOptions, RestPose};
 use xavatar::mesh::{FINEST_RESOLUTION, TriangleMesh, write_obj, write_ply};
 
 use super::inputs::load_body;
+use super::json::JsonArgument;
 use super::{Outcome, outputs};
 
 /// Write an avatar as a coloured mesh
@@ -32,12 +34,25 @@ pub struct Extract {
     /// SMPL-X model file or folder, to pose with
     #[arg(long, value_name = "BODY")]
     body: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgument,
+}
+
+/// What was written.
+#[derive(Serialize)]
+struct Extracted<'a> {
+    file: &'a Path,
+    vertices: usize,
+    faces: usize,
+    /// Smaller parts that were left out.
+    dropped_components: usize,
 }
 
 impl Extract {
     pub fn run(self) -> anyhow::Result<Outcome> {
         let format = MeshFormat::of(&self.out)?;
         outputs::new_file(&self.out)?;
+        self.json.check()?;
         let avatar = Avatar::load(&self.avatar)?;
         let Extraction { mesh, dropped_components } = match (&self.pose, &self.body) {
             (Some(pose), Some(body)) => {
@@ -53,7 +68,9 @@ impl Extract {
             log::info!("kept the largest part; {dropped_components} smaller ones left out");
         }
         format.write(&self.out, &mesh)?;
-        println!("{}: {} vertices, {} faces", self.out.display(), mesh.vertices.len(), mesh.faces.len());
+        let (vertices, faces) = (mesh.vertices.len(), mesh.faces.len());
+        let extracted = Extracted { file: &self.out, vertices, faces, dropped_components };
+        self.json.print(&extracted, &format!("{}: {vertices} vertices, {faces} faces", self.out.display()))?;
         Ok(Outcome::Done)
     }
 }

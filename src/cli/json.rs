@@ -1,4 +1,4 @@
-//! `--json`: what a verb's table says, for scripts. The same option with the same meaning on every verb that prints a table.
+//! `--json`: what a verb's table or figures say, for scripts. The same option with the same meaning on every verb that prints some.
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use super::outputs;
 
-/// Where a verb's table goes as JSON.
+/// Where a verb's result goes as JSON.
 #[derive(clap::Args)]
 pub struct JsonArgument {
-    /// Write what the table says as JSON to FILE, too; `-` prints it instead of the table
+    /// Write what is printed as JSON to FILE, too; `-` prints it instead
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }

@@ -132,7 +132,7 @@ fn write_json(kind: &str, content: &impl Serialize) {
     }
 }
 
-/// The one place that writes to stderr.
+/// The one place that writes to stderr: `super` denies it, so that `--quiet` and `--log-format` hold for all that is said.
 #[allow(clippy::print_stderr)]
 fn write(line: &str) {
     BARS.suspend(|| eprintln!("{line}"));

@@ -1,13 +1,17 @@
 //! `xavatar pointcloud`: the surface points of an RGB-D frame as a PLY, to be looked at.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use serde::Serialize;
 use xavatar::body::{Part, Registration};
 use xavatar::data::{PointCloud, RgbdFiles, RgbdSubject};
 use xavatar::mesh::write_ply;
 
 use super::inputs::load_body;
+use super::json::JsonArgument;
 use super::{Outcome, outputs};
 
 /// Write what one RGB-D frame shows as coloured points with normals
@@ -32,25 +36,41 @@ pub struct PointCloudOf {
     /// The PLY file to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    #[command(flatten)]
+    json: JsonArgument,
+}
+
+/// What was written. `Display` is for people, serde for scripts.
+#[derive(Serialize)]
+struct Written<'a> {
+    file: &'a Path,
+    frame: String,
+    points: usize,
+    /// Points by part, where parts were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    parts: Option<BTreeMap<&'static str, usize>>,
 }
 
 impl PointCloudOf {
     pub fn run(self) -> anyhow::Result<Outcome> {
         outputs::new_file(&self.out)?;
+        self.json.check()?;
         let subject = RgbdSubject::open(&self.data)?;
         let frame = self.files(&subject)?.read(&subject.betas)?;
         let mut cloud = PointCloud::of(&frame)?;
+        let mut counts = None;
         if let Some(body) = &self.body {
             let (body, labels) = load_body(body, subject.gender)?;
             let registered = body.pose(&frame.parameters)?;
             let parts = cloud.parts(&Registration::new(&registered.vertices, &labels)?);
             cloud.colours = parts.iter().map(|part| colour_of(*part)).collect();
-            for part in Part::ALL {
-                println!("{part:?} {} points", parts.iter().filter(|found| **found == part).count());
-            }
+            let count = |part: Part| parts.iter().filter(|found| **found == part).count();
+            counts = Some(Part::ALL.map(|part| (name_of(part), count(part))).into());
         }
         write_ply(&self.out, &cloud.to_mesh())?;
-        println!("{}: {} points of frame {}", self.out.display(), cloud.points.len(), frame.id);
+        let (frame, points) = (frame.id.to_string(), cloud.points.len());
+        let written = Written { file: &self.out, frame, points, parts: counts };
+        self.json.print(&written, &written)?;
         Ok(Outcome::Done)
     }
 
@@ -71,6 +91,25 @@ impl PointCloudOf {
                 }
             },
         }
+    }
+}
+
+impl fmt::Display for Written<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(formatter, "{}: {} points of frame {}", self.file.display(), self.points, self.frame)?;
+        for (part, points) in self.parts.iter().flatten() {
+            writeln!(formatter, "  {:<10} {points:>8}", part.replace('_', " "))?;
+        }
+        Ok(())
+    }
+}
+
+fn name_of(part: Part) -> &'static str {
+    match part {
+        Part::Body => "body",
+        Part::Face => "face",
+        Part::LeftHand => "left_hand",
+        Part::RightHand => "right_hand",
     }
 }
 

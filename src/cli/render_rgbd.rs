@@ -1,12 +1,14 @@
 //! `xavatar render-rgbd`: films scans with a virtual RGB-D camera, so that the depth path can be tried on them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
+use serde::Serialize;
 use xavatar::data::{DepthFormat, RgbdLayout, RgbdSource, Subject, write_rgbd_subject};
 use xavatar::filming::{FilmedScans, Turntable};
 
 use super::inputs::SubjectFrames;
+use super::json::JsonArgument;
 use super::progress::Progress;
 use super::{Outcome, outputs};
 
@@ -35,6 +37,15 @@ pub struct RenderRgbd {
     /// Frames in which the camera goes around once
     #[arg(long, value_name = "N", default_value_t = Turntable::default().steps_per_turn, value_parser = clap::value_parser!(u32).range(1..))]
     steps_per_turn: u32,
+    #[command(flatten)]
+    json: JsonArgument,
+}
+
+/// What was written.
+#[derive(Serialize)]
+struct Filmed<'a> {
+    folder: &'a Path,
+    frames: usize,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -57,6 +68,7 @@ enum Depth {
 
 impl RenderRgbd {
     pub fn run(self) -> anyhow::Result<Outcome> {
+        self.json.check()?;
         let subject = Subject::open(&self.data)?;
         outputs::new_folder(&self.out, "give a new one")?;
         let layout = match (self.layout, self.depth) {
@@ -76,7 +88,8 @@ impl RenderRgbd {
         });
         write_rgbd_subject(&self.out, layout, subject.gender, &subject.betas, frames)?;
         progress.finish();
-        println!("{}: {total} frames", self.out.display());
+        let filmed = Filmed { folder: &self.out, frames: total };
+        self.json.print(&filmed, &format!("{}: {total} frames", self.out.display()))?;
         Ok(Outcome::Done)
     }
 }

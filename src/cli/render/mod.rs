@@ -3,10 +3,11 @@
 mod cameras;
 mod exhibit;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::bail;
+use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
 use xavatar::body::{BodyModel, BodyParameters, PartLabels};
 use xavatar::data::{Clip, FrameSource, Subject};
@@ -16,6 +17,7 @@ use xavatar::render::{Camera, Film, FilmFormat, THREE_QUARTER, Tile, contact_she
 use self::cameras::{FilmCameras, Stance, turn};
 use self::exhibit::{Exhibit, Panel, Panels};
 use super::inputs::{Split, SubjectFrames, load_body};
+use super::json::JsonArgument;
 use super::motion::MotionArguments;
 use super::progress::Progress;
 use super::{Outcome, outputs, stop};
@@ -74,6 +76,15 @@ pub struct Render {
     fixed_topology: bool,
     #[command(flatten)]
     options: MotionArguments,
+    #[command(flatten)]
+    json: JsonArgument,
+}
+
+/// What was written.
+#[derive(Serialize)]
+struct Rendered<'a> {
+    out: &'a Path,
+    pictures: usize,
 }
 
 /// A pose, and the scan that shows the same, by its place in the subject's frames.
@@ -100,6 +111,7 @@ struct Studio<'a> {
 
 impl Render {
     pub fn run(self) -> anyhow::Result<Outcome> {
+        self.json.check()?;
         let is_picture = self.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
         if is_picture {
             outputs::new_file(&self.out)?;
@@ -137,7 +149,10 @@ impl Render {
         };
         progress.finish();
         match done {
-            Some(count) => println!("{}: {count} pictures", self.out.display()),
+            Some(pictures) => {
+                let rendered = Rendered { out: &self.out, pictures };
+                self.json.print(&rendered, &format!("{}: {pictures} pictures", self.out.display()))?;
+            }
             None => log::info!("stopped: {} is not complete", self.out.display()),
         }
         Ok(if done.is_some() { Outcome::Done } else { Outcome::Stopped })
