@@ -531,7 +531,7 @@ fn the_verbs_film_check_and_show() {
     let cloud = path("cloud.ply");
     let show = ["pointcloud", &filmed, "--frame", "test/Take2/f00001", "--parts", "--body", &body, "--out", &cloud];
     let (code, printed) = run(&show);
-    assert!(code == Some(0) && printed.contains("LeftHand"), "{printed}");
+    assert!(code == Some(0) && printed.contains("left hand"), "{printed}");
     let points = xavatar::mesh::read_ply(&cloud).unwrap();
     assert!(points.faces.is_empty() && points.vertices.len() > 20_000);
     let (code, printed) = run(&["pointcloud", &filmed, "--frame", "train/x/f00001", "--out", &path("other.ply")]);
