@@ -30,7 +30,7 @@ pub struct Eval {
     /// Measure a baseline on the same frames, learned from the training frames
     #[arg(long, value_enum)]
     baseline: Option<Baseline>,
-    /// Cells along the longest side of the box around the body: with 256 or fewer, the cells blur a face more than the avatar does
+    /// Cells along the longest side of the box around the body; with 256, the cells themselves add to the error of face and hands
     #[arg(long, value_name = "R", default_value_t = 512, value_parser = super::extract::resolution)]
     resolution: usize,
     /// Write a page with metrics, pictures and the avatar to play with here [default: report.html in the run's folder, anew]
