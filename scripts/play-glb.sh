@@ -6,26 +6,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-for program in npm node; do
-    if ! command -v "$program" > /dev/null; then
-        echo "skipped: three.js needs $program"
-        exit 0
-    fi
-done
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-if ! npm install --silent --no-audit --no-fund --prefix "$folder" three@0.180.0; then
-    echo "skipped: npm cannot fetch three.js"
-    exit 0
-fi
-
-if [ $# -eq 2 ]; then
-    avatar=$1 body=$2
-else
-    avatar=$folder/demo body=$folder/data/body
-    cargo run --release --quiet -- demo --smoke --out "$avatar"
-    cargo run --release --quiet -- demo --smoke --write-data "$folder/data"
-fi
+. scripts/dancer.sh three@0.180.0 "$@"
 cargo run --release --quiet -- export "$avatar" --body "$body" --resolution 128 --quiet --out "$folder/dance.glb"
 # Twice the clip's rate.
 cargo run --release --quiet -- animate "$avatar" dance --body "$body" --resolution 128 --quiet --fixed-topology --fps 60 \

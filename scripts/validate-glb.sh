@@ -5,26 +5,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-for program in npm node; do
-    if ! command -v "$program" > /dev/null; then
-        echo "skipped: the glTF validator needs $program"
-        exit 0
-    fi
-done
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-if ! npm install --silent --no-audit --no-fund --prefix "$folder" gltf-validator@2.0.0-dev.3.10; then
-    echo "skipped: npm cannot fetch gltf-validator"
-    exit 0
-fi
-
-if [ $# -eq 2 ]; then
-    avatar=$1 body=$2
-else
-    avatar=$folder/demo body=$folder/data/body
-    cargo run --release --quiet -- demo --smoke --out "$avatar"
-    cargo run --release --quiet -- demo --smoke --write-data "$folder/data"
-fi
+. scripts/dancer.sh gltf-validator@2.0.0-dev.3.10 "$@"
 
 cat > "$folder/validate.js" << 'SCRIPT'
 const validator = require('gltf-validator');

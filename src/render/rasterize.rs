@@ -9,6 +9,7 @@ use std::ops::{Add, BitOr, Mul, Range, Sub};
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use xavatar_network::vectorised;
 
 use super::projection::{Block, SNAP, ScreenTriangle, project};
 use crate::camera::PinholeCamera;
@@ -119,7 +120,7 @@ impl<const N: usize> Rasterizer<N> {
         }
         let lists = self.blocks.iter().map(|block| (&block.bands[index].triangles, &block.triangles));
         let triangles = lists.flat_map(|(list, triangles)| list.iter().map(|&triangle| &triangles[triangle as usize]));
-        pulp::Arch::new().dispatch(
+        vectorised(
             #[inline(always)]
             || {
                 for triangle in triangles {
@@ -268,6 +269,7 @@ impl DepthPlane {
     fn rise(&self, place: [i32; 2]) -> f32 {
         self.gradient[0] * place[0] as f32 + self.gradient[1] * place[1] as f32
     }
+
     /// A sliver's gradient is steep, and rounding must not carry its depth out of the triangle.
     #[inline(always)]
     fn within(&self, inverse_depth: f32) -> f32 {
