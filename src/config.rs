@@ -10,7 +10,6 @@ use serde::{Deserialize, Serialize};
 use xavatar_deformer::SearchSettings;
 use xavatar_network::{AdamSettings, GeometryShape, Representation, TextureShape};
 
-use crate::canonical_grid::VoxelShape;
 use crate::{Error, Result};
 
 pub use rgbd::RgbdSettings;
@@ -96,6 +95,16 @@ pub struct SkinningShape {
     pub frequencies: usize,
     /// Factor on the logits (thesis: 20).
     pub blend: u32,
+}
+
+/// How fine a skinning field's grid is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VoxelShape {
+    /// Edge of a cell, metres.
+    pub spacing: f32,
+    /// Edge of a cell around hands and face, metres.
+    pub fine_spacing: f32,
 }
 
 /// Which bones start the search for a point's correspondences (thesis table 5.1).

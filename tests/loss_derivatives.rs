@@ -11,6 +11,9 @@ use xavatar_network::{GeometryShape, Representation, TextureShape};
 
 const STEP: f64 = 1e-6;
 
+/// Sets one parameter of one field.
+type Change = fn(&mut Fields<f64>, usize, f64);
+
 fn points(random: &mut ChaCha8Rng, count: usize) -> Vec<[f64; 3]> {
     (0..count).map(|_| std::array::from_fn(|_| random.random_range(-0.8..0.8))).collect()
 }
@@ -88,21 +91,25 @@ fn gradients_match_differences() {
     for term in ["distance", "normal", "bone", "joint", "surface", "volume", "eikonal", "free_space"] {
         assert!(terms[term] > 0.0, "{term} is {}", terms[term]);
     }
-    let gradients = evaluator.take_gradients(&fields);
+    let gradients = evaluator.sum_gradients(&fields, &mut []).to_vecs();
 
-    for field in [0, 2] {
-        let start = fields.networks()[field].parameters().to_vec();
-        let scale = gradients[field].iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
+    let of_geometry: Change = |fields, index, value| fields.geometry.mlp.update(|parameters| parameters[index] = value);
+    let of_skinning: Change = |fields, index, value| fields.skinning.update(|parameters| parameters[index] = value);
+    let start = fields.parameters().map(<[f64]>::to_vec);
+    for (name, change, start, gradient) in [
+        ("geometry", of_geometry, start.geometry, gradients.geometry),
+        ("skinning", of_skinning, start.skinning, gradients.skinning),
+    ] {
+        let scale = gradient.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
         for index in (0..start.len()).step_by(13) {
             let mut total_at = |offset: f64| {
-                let mut networks = fields.networks_mut();
-                networks[field].update(|parameters| parameters[index] = start[index] + offset);
+                change(&mut fields, index, start[index] + offset);
                 LossEvaluator::new(&fields, 1).accumulate(&fields, &batch, &losses, 1.0).unwrap()["total"]
             };
             let expected = share * (total_at(STEP) - total_at(-STEP)) / (2.0 * STEP);
             total_at(0.0);
-            let found = gradients[field][index];
-            assert!((found - expected).abs() < 1e-5 * scale, "field {field} parameter {index}: {found} not {expected}");
+            let found = gradient[index];
+            assert!((found - expected).abs() < 1e-5 * scale, "{name} parameter {index}: {found} not {expected}");
         }
     }
 }

@@ -9,6 +9,7 @@ use xavatar::body::Gender;
 use xavatar::camera::PinholeCamera;
 use xavatar::config::Config;
 use xavatar::data::{BACKGROUND, FrameId, RgbdFrame, RgbdSource};
+use xavatar::fields::PerField;
 use xavatar::mannequin::{BuiltInSubject, Split};
 use xavatar::render::render_rgbd;
 use xavatar::train::{Ending, Event, Observer, StepRecord, Trainer, TrainingFrames};
@@ -104,10 +105,8 @@ fn train(config: &Config, film: &Filmed, subject: &BuiltInSubject, run: &Path) -
     records
 }
 
-fn parameters(run: &Path) -> (Vec<Vec<f32>>, Option<Vec<f32>>) {
-    let fields = Avatar::load(run).unwrap().fields;
-    let networks = fields.networks().iter().map(|network| network.parameters().to_vec()).collect();
-    (networks, fields.skinning.voxels().map(|voxels| voxels.parameters().to_vec()))
+fn parameters(run: &Path) -> PerField<Vec<f32>> {
+    Avatar::load(run).unwrap().fields.parameters().map(<[f32]>::to_vec)
 }
 
 #[test]

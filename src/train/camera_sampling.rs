@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::camera_view::{CameraView, Drawn, Knowledge};
 use super::sampling::PosedSamples;
 use crate::config::{Config, SamplingStrategy};
-use crate::correspondence::part_label;
+use crate::fields::part_label;
 
 /// How far before what is seen free points are drawn, metres.
 const FREE_REACH: f32 = 0.3;

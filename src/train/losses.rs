@@ -20,14 +20,11 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 use xavatar_deformer::{BoneTransform, Jacobian};
-use xavatar_network::{Mlp, MlpGradient, Real, SkinningTrace, SummedGradient, Trace};
+use xavatar_network::{Real, Trace};
 
 use crate::Result;
 use crate::config::LossSettings;
-use crate::fields::Fields;
-
-/// Rows of a block: its activations stay in the cache from the first sweep to the last.
-const BLOCK_ROWS: usize = 256;
+use crate::fields::{BLOCK_ROWS, Blend, FieldGradients, Fields, SkinningGradient, SummedGradients};
 
 /// What one frame's losses are computed from, in canonical space.
 #[derive(Clone, Debug, Default)]
@@ -102,32 +99,23 @@ pub struct LossEvaluator<T> {
 /// One thread's activations, gradients and sums.
 #[derive(Debug)]
 struct Worker<T> {
-    /// Of each network.
-    gradients: Vec<MlpGradient<T>>,
-    /// Of the off-surface points that the search found: the first one's index, and their cotangents.
-    root_cotangents: Vec<(usize, Vec<[T; 3]>)>,
+    gradients: FieldGradients<T>,
     terms: LossTerms,
     embedded_cotangent: Vec<T>,
     geometry: Trace<T>,
     texture: Trace<T>,
-    skinning: SkinningTrace<T>,
+    skinning: Blend<T>,
     buffers: Buffers<T>,
 }
 
 /// Row buffers of one block.
 #[derive(Debug, Default)]
 struct Buffers<T> {
-    weights: Vec<T>,
-    weight_gradients: Vec<T>,
     weight_cotangents: Vec<T>,
-    weight_gradient_cotangents: Vec<T>,
-    transforms: Vec<BoneTransform<T>>,
-    jacobians: Vec<Jacobian<T>>,
     jacobian_cotangents: Vec<Jacobian<T>>,
     normals: Vec<[T; 3]>,
     normal_cotangents: Vec<[T; 3]>,
     gradient_cotangents: Vec<[T; 3]>,
-    point_cotangents: Vec<[T; 3]>,
     values: Vec<T>,
     texture_points: Vec<T>,
     features: Vec<T>,
@@ -138,13 +126,12 @@ impl<T: Real> LossEvaluator<T> {
     /// An evaluator for `fields` that runs on `threads` threads.
     pub fn new(fields: &Fields<T>, threads: usize) -> Self {
         let worker = || Worker {
-            gradients: fields.networks().into_iter().map(Mlp::zero_gradient).collect(),
-            root_cotangents: Vec::new(),
+            gradients: FieldGradients::zero(fields),
             terms: LossTerms::new(),
             embedded_cotangent: Vec::new(),
             geometry: Trace::default(),
             texture: Trace::default(),
-            skinning: SkinningTrace::default(),
+            skinning: Blend::default(),
             buffers: Buffers::default(),
         };
         Self { workers: (0..threads.max(1)).map(|_| worker()).collect() }
@@ -167,7 +154,7 @@ impl<T: Real> LossEvaluator<T> {
         let threads = self.workers.len();
         self.workers.par_iter_mut().enumerate().try_for_each(|(thread, worker)| {
             worker.terms.clear();
-            worker.root_cotangents.clear();
+            worker.gradients.skinning.begin_frame();
             worker.embedded_cotangent.clear();
             worker.embedded_cotangent.resize(embedded.len(), T::zero());
             blocks.iter().skip(thread).step_by(threads).try_for_each(|block| worker.run(&frame, block))
@@ -175,7 +162,7 @@ impl<T: Real> LossEvaluator<T> {
         let mut terms = LossTerms::new();
         for worker in &mut self.workers {
             let Worker { gradients, embedded_cotangent, .. } = worker;
-            fields.geometry.mlp.embed_backward(&batch.condition, embedded_cotangent, &mut gradients[0]);
+            fields.geometry.mlp.embed_backward(&batch.condition, embedded_cotangent, &mut gradients.geometry);
             for (name, value) in &worker.terms {
                 *terms.entry(name).or_default() += value;
             }
@@ -188,37 +175,18 @@ impl<T: Real> LossEvaluator<T> {
     /// The cotangents of the last batch's off-surface points, in their order, for a skinning field on a grid.
     pub fn root_cotangents(&self, points: usize) -> Vec<[T; 3]> {
         let mut cotangents = vec![[T::zero(); 3]; points];
-        for (first, values) in self.workers.iter().flat_map(|worker| &worker.root_cotangents) {
-            cotangents[*first..first + values.len()].copy_from_slice(values);
+        for worker in &self.workers {
+            let SkinningGradient::Grid { roots } = &worker.gradients.skinning else { continue };
+            for (first, values) in roots {
+                cotangents[*first..first + values.len()].copy_from_slice(values);
+            }
         }
         cotangents
     }
 
-    /// Sums each network's gradient since the last call.
-    pub fn sum_gradients<'a>(&'a mut self, fields: &Fields<T>) -> Vec<SummedGradient<'a, T>> {
-        let mut of_threads: Vec<_> = self.workers.iter_mut().map(|worker| worker.gradients.iter_mut()).collect();
-        let networks = fields.networks().into_iter();
-        networks.map(|network| network.sum_gradients(of_threads.iter_mut().filter_map(Iterator::next))).collect()
-    }
-
-    /// Takes the parameters' gradients of each network since the last call, and sets the sums to zero.
-    pub fn take_gradients(&mut self, fields: &Fields<T>) -> Vec<Vec<T>> {
-        let networks = fields.networks();
-        let mut index = 0;
-        let gradient_of = |network: &Mlp<T>| {
-            let (first, others) = self.workers.split_at_mut(1);
-            let sum = &mut first[0].gradients[index];
-            for other in others {
-                sum.add(&other.gradients[index]);
-                other.gradients[index].clear();
-            }
-            let mut gradient = vec![T::zero(); network.layout().len()];
-            network.parameter_gradient(sum, &mut gradient);
-            sum.clear();
-            index += 1;
-            gradient
-        };
-        networks.into_iter().map(gradient_of).collect()
+    /// Sums the threads' gradients since the last call; `logits` is that of a skinning field on a grid.
+    pub fn sum_gradients<'a>(&'a mut self, fields: &Fields<T>, logits: &'a mut [T]) -> SummedGradients<'a, T> {
+        SummedGradients::of_threads(fields, self.workers.iter_mut().map(|worker| &mut worker.gradients), logits)
     }
 }
 
@@ -284,15 +252,12 @@ impl<T: Real> Worker<T> {
             Block::Off(rows) => {
                 let batch = frame.batch;
                 let points = &batch.off_points[rows.clone()];
-                self.off_surface(frame, points, &batch.off_targets[rows.clone()], batch.implicit_gradient)?;
-                if batch.implicit_gradient && frame.fields.skinning.voxels().is_some() {
-                    self.root_cotangents.push((rows.start, self.geometry.point_cotangent().as_chunks().0.to_vec()));
-                }
-                Ok(())
+                let first_root = batch.implicit_gradient.then_some(rows.start);
+                self.off_surface(frame, points, &batch.off_targets[rows.clone()], first_root)
             }
             Block::Far(rows) => {
                 let batch = frame.batch;
-                self.off_surface(frame, &batch.far_points[rows.clone()], &batch.far_targets[rows.clone()], false)
+                self.off_surface(frame, &batch.far_points[rows.clone()], &batch.far_targets[rows.clone()], None)
             }
             Block::On(rows) => self.on_surface(frame, rows.clone()),
             Block::Eikonal(rows) => {

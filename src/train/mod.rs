@@ -28,7 +28,6 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 pub use captured::TrainingFrames;
-pub(crate) use checkpoint::{insert_parameters, load_parameters, load_voxels};
 pub use history::{NotedStep, has_notes, noted_steps, previews, seconds_per_step};
 pub use trainer::{Ending, Trainer};
 

@@ -17,9 +17,8 @@ use super::distance_grid::DistanceGrid;
 use super::losses::{CanonicalBatch, WeightTargets};
 use crate::Result;
 use crate::body::{BodyModel, Bone, JOINTS, Part, PartLabels, joint_weights};
-use crate::canonical_grid::{CERTAINLY_OUTSIDE, canonical_box};
 use crate::config::{Config, LossSettings};
-use crate::fields::CONDITION;
+use crate::fields::{CERTAINLY_OUTSIDE, CONDITION, canonical_box};
 use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
 
 /// Expressions whose canonical bodies are kept ready.

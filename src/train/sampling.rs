@@ -13,7 +13,7 @@ use xavatar_network::Representation;
 use super::curve::Curve;
 use super::prepared::{ScanSupervision, Source};
 use crate::config::{SamplingSettings, SamplingStrategy};
-use crate::correspondence::part_label;
+use crate::fields::part_label;
 use crate::mesh::SurfacePoint;
 
 /// Points of one posed frame.

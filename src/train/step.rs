@@ -22,10 +22,8 @@ use super::pretraining::CanonicalBody;
 use super::sampling::{self, PosedSamples};
 use super::trainer::Trainer;
 use super::{Stage, StepRecord};
-use crate::canonical_grid::CERTAINLY_OUTSIDE;
 use crate::config::{Assignment, Config, SearchedField};
-use crate::correspondence::{PosedField, PosedWarp, bake};
-use crate::fields::{CONDITION, Skinning};
+use crate::fields::{CERTAINLY_OUTSIDE, CONDITION, PosedField};
 use crate::{Error, Result};
 
 /// Vertices of hands and face whose weights are supervised at each step.
@@ -63,7 +61,7 @@ impl<'a> Order<'a> {
         let begin = Instant::now();
         let Self { place, epoch, frame, config, representation, mut random } = self;
         let dropped = random.random::<f64>() < config.fields.condition_dropout;
-        let condition = if dropped { vec![0.0; CONDITION] } else { frame.condition.clone() };
+        let condition = if dropped { vec![0.0; CONDITION] } else { frame.pose.condition.clone() };
         let truncation = config.losses.truncation as f32;
         let samples = match &frame.supervision {
             Supervision::Scan(scan) => sampling::draw(scan, &config.sampling, representation, truncation, &mut random),
@@ -88,13 +86,10 @@ impl<'a> Trainer<'a> {
         let count = self.config.optimiser.batch_frames;
         let share = 1.0 / count as f64;
         if let SearchedField::Baked { refresh_steps, .. } = self.config.searched_field
-            && (self.baked.is_none() || step.is_multiple_of(refresh_steps))
+            && (!self.poser.is_baked() || step.is_multiple_of(refresh_steps))
         {
-            let skinning = &self.state.fields.skinning;
-            self.baked = bake(skinning, self.config.searched_field, self.subject.bounds)?;
-            if let Skinning::Network(field) = skinning {
-                self.state.baked_skinning = Some(field.mlp().parameters().to_vec());
-            }
+            self.poser.bake(&self.state.fields.skinning)?;
+            self.state.baked_skinning = self.poser.is_baked().then(|| self.state.fields.skinning.parameters().to_vec());
         }
         let mut statistics = SearchStatistics::default();
         for slot in 0..count as u64 {
@@ -146,22 +141,17 @@ impl<'a> Trainer<'a> {
         }
         let frame = drawn.frame.clone();
         let begin = Instant::now();
-        let offsets = self.grid.as_ref().map(|grid| grid.node_offsets(&frame.offsets));
-        let in_frame = |error: Error| error.in_frame(frame.id.to_string());
-        let skinning = &self.state.fields.skinning;
-        let warp = PosedWarp::new(skinning, self.baked.as_ref(), &frame.bones, offsets.as_deref()).map_err(in_frame)?;
+        let posed = self.poser.pose(&self.state.fields, &frame.pose, &drawn.condition);
+        let posed = posed.map_err(|error| error.in_frame(frame.id.to_string()))?;
         add_time(record, "warp", begin);
-        let batch = self.canonical_batch(drawn, &warp, record, statistics)?;
+        let batch = self.canonical_batch(drawn, &posed, record, statistics)?;
         let begin = Instant::now();
         let terms = self.losses.accumulate(&self.state.fields, &batch, &losses, share)?;
         add_time(record, "losses", begin);
-        if let (Skinning::Voxels(field), PosedWarp::Voxels(warp)) = (skinning, &warp) {
-            let begin = Instant::now();
-            let cotangents = self.losses.root_cotangents(batch.off_points.len());
-            let gradient = &mut self.voxel_gradient;
-            field.root_backward(warp, offsets.as_deref(), &batch.off_points, &cotangents, gradient)?;
-            add_time(record, "skinning", begin);
-        }
+        let begin = Instant::now();
+        let cotangents = || self.losses.root_cotangents(batch.off_points.len());
+        posed.pull_back_roots(&batch.off_points, cotangents, &mut self.logit_gradient)?;
+        add_time(record, "skinning", begin);
         for (name, value) in terms {
             *record.losses.entry(name).or_default() += share * value;
         }
@@ -172,7 +162,7 @@ impl<'a> Trainer<'a> {
     fn canonical_batch(
         &self,
         drawn: Drawn,
-        warp: &PosedWarp,
+        posed: &PosedField,
         record: &mut StepRecord,
         statistics: &mut SearchStatistics,
     ) -> Result<CanonicalBatch<f32>> {
@@ -186,16 +176,6 @@ impl<'a> Trainer<'a> {
         record.frames.push(frame.id.to_string());
         *record.split.entry("sampling").or_default() += seconds;
         let begin = Instant::now();
-        let embedded = fields.geometry.mlp.embed(&condition);
-        let posed = PosedField {
-            fields,
-            bones: &frame.bones,
-            embedded: &embedded,
-            groups: &self.groups,
-            settings: &self.config.search,
-            warp,
-            bounds: self.subject.bounds,
-        };
         let in_frame = |error: Error| error.in_frame(frame.id.to_string());
         // One search for all kinds of points: the frame's warp is made once.
         let points = [samples.on_points.as_slice(), &samples.off_points, &samples.free_points].concat();
@@ -205,7 +185,7 @@ impl<'a> Trainer<'a> {
         let on = samples.on_points.iter().map(|_| false);
         let off = samples.off_targets.iter().map(|target| inside(*target));
         let is_inside: Vec<bool> = on.chain(off).chain(samples.free_points.iter().map(|_| false)).collect();
-        let assigned = self.assign(&posed, &found, &is_inside);
+        let assigned = self.assign(posed, &found, &is_inside);
         let (assigned_on, others) = assigned.split_at(samples.on_points.len());
         let (assigned_off, assigned_free) = others.split_at(samples.off_points.len());
         *statistics = statistics.and(found.statistics);
@@ -213,7 +193,7 @@ impl<'a> Trainer<'a> {
 
         let mut batch = CanonicalBatch {
             condition,
-            bones: frame.bones.clone(),
+            bones: frame.pose.bones.clone(),
             implicit_gradient: true,
             ..CanonicalBatch::default()
         };
@@ -233,7 +213,7 @@ impl<'a> Trainer<'a> {
         let lost = assigned_off.iter().zip(&samples.off_targets).filter(|(winner, _)| winner.is_none());
         record.inside_without_root += lost.filter(|(_, target)| inside(**target)).count();
         // Skinning on a grid is held by its logits instead.
-        let weight_points = if fields.skinning.voxels().is_some() { 0 } else { WEIGHT_POINTS };
+        let weight_points = if fields.skinning.follows_weights() { WEIGHT_POINTS } else { 0 };
         self.canonical.anchor(weight_points, &mut random, &mut batch);
         let count = self.config.sampling.far_points;
         self.canonical.far(count, fields.geometry.representation, &mut random, &mut batch);
@@ -263,8 +243,8 @@ impl<'a> Trainer<'a> {
     fn assign(&self, posed: &PosedField, candidates: &Candidates<f32>, is_inside: &[bool]) -> Vec<Option<usize>> {
         match self.config.assignment {
             Assignment::Field => {
-                let values = posed.geometry(&candidates.points);
-                let representation = posed.fields.geometry.representation;
+                let values = posed.evaluator.values(&candidates.points);
+                let representation = posed.evaluator.fields().geometry.representation;
                 posed.winners(candidates, |index, best| representation.prefers(values[index], values[best]))
             }
             Assignment::Body => {

@@ -9,8 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use xavatar_deformer::{BakedWeights, StartGroups, VoxelSkinning};
-use xavatar_network::{Adam, NetworkUpdate, ParameterGroup, SummedGradient};
+use xavatar_network::{Adam, AdamSettings, ParameterGroup};
 
 use super::captured::TrainingFrames;
 use super::checkpoint::{Progress, State, checkpoints};
@@ -23,10 +22,8 @@ use super::{Event, Observer, Stage, StepRecord, preview};
 use crate::atomic_file::write_atomically;
 use crate::avatar::{Avatar, Subject};
 use crate::body::{BodyModel, PartLabels};
-use crate::canonical_grid::CanonicalGrid;
-use crate::config::{Config, SkinningSettings};
-use crate::correspondence::{bake, start_groups, union_start_groups};
-use crate::fields::{Fields, Skinning};
+use crate::config::Config;
+use crate::fields::{FieldRates, Fields, Poser};
 use crate::render::write_png;
 use crate::{Error, Result};
 
@@ -56,15 +53,11 @@ pub struct Trainer<'a> {
     pub(super) subject: Subject,
     pub(super) canonical: CanonicalBody<'a>,
     pub(super) frames: FrameStore<'a>,
-    pub(super) groups: StartGroups,
+    pub(super) poser: Poser,
     /// What the next frame is trained on, drawn while the one before was.
     pub(super) drawn: Option<Drawn<'a>>,
-    /// The grid that the search runs on; sampled every few steps.
-    pub(super) baked: Option<BakedWeights<f32>>,
-    /// Where skinning is learned on a grid: that grid.
-    pub(super) grid: Option<CanonicalGrid>,
-    /// The gradient of its logits (P); empty without one.
-    pub(super) voxel_gradient: Vec<f32>,
+    /// The gradient of the logits of a skinning field that is a grid; empty without one.
+    pub(super) logit_gradient: Vec<f32>,
     pub(super) state: State,
     pub(super) losses: LossEvaluator<f32>,
     metrics: MetricsLog,
@@ -141,41 +134,21 @@ impl<'a> Trainer<'a> {
     ) -> Result<Self> {
         let started = Instant::now();
         let mut canonical = CanonicalBody::new(body, labels, &frames.betas(), config)?;
-        let groups = match config.fields.skinning {
-            SkinningSettings::Network(_) => start_groups(config.starts)?,
-            // Pruned starts cost little: a point beside a hand finds the hand's root, and the body's.
-            SkinningSettings::Voxels(_) => union_start_groups(config.starts)?,
-        };
-        let (skinning, grid) = match &config.fields.skinning {
-            SkinningSettings::Network(shape) => (Skinning::network(shape)?, None),
-            SkinningSettings::Voxels(shape) => {
-                let grid = CanonicalGrid::new(body, labels, &frames.betas(), *shape)?;
-                let mut voxels = grid.skinning(body)?;
-                grid.prune_starts(&mut voxels, &groups)?;
-                (Skinning::Voxels(voxels), Some(grid))
-            }
-        };
-        let mut fields = Fields::new(&config.fields, skinning, canonical.bounds())?;
+        let bounds = canonical.bounds();
+        let mut poser = Poser::for_training(config, body, labels, &frames.betas(), bounds)?;
+        let mut fields = Fields::new(&config.fields, poser.initial_skinning(body)?, bounds)?;
         fields.initialise(config.seed);
-        let voxel_gradient = fields.skinning.voxels().map_or(Vec::new(), VoxelSkinning::zero_gradient);
-        let mut adam: Vec<_> = fields.networks().iter().map(|network| Adam::new(network.parameters().len())).collect();
-        if !voxel_gradient.is_empty() {
-            adam.push(Adam::new(voxel_gradient.len()));
-        }
+        let adam = fields.parameters().map(|parameters| Adam::new(parameters.len()));
         let progress = Progress { running_loss: f64::INFINITY, best_loss: f64::INFINITY, ..Progress::default() };
         let mut state = State { fields, adam, progress, baked_skinning: None };
         if let Some(newest) = checkpoints(run)?.first() {
             state.load(newest)?;
         }
         // The grid that an uninterrupted run would be searching on.
-        let bounds = canonical.bounds();
-        let mut baked = None;
         if let Some(parameters) = &state.baked_skinning {
             let mut skinning = state.fields.skinning.clone();
-            if let Skinning::Network(field) = &mut skinning {
-                field.mlp_mut().update(|target| target.copy_from_slice(parameters));
-            }
-            baked = bake(&skinning, config.searched_field, bounds)?;
+            skinning.update(|target| target.copy_from_slice(parameters));
+            poser.bake(&skinning)?;
         }
         let store = FrameStore::open(config, frames, body, labels, run, observer)?;
         canonical.stand_in(store.seen_vertices());
@@ -190,10 +163,8 @@ impl<'a> Trainer<'a> {
             losses: LossEvaluator::new(&state.fields, rayon::current_num_threads()),
             metrics: MetricsLog::open(run, (state.progress.pretraining_steps + state.progress.steps) as usize)?,
             earlier_seconds: state.progress.seconds,
-            groups,
-            grid,
-            voxel_gradient,
-            baked,
+            poser,
+            logit_gradient: state.fields.skinning.zero_logit_gradient(),
             drawn: None,
             frames: store,
             run: run.into(),
@@ -340,15 +311,12 @@ impl<'a> Trainer<'a> {
     fn update(&mut self, decay: f64, record: &mut StepRecord) -> Result<()> {
         let settings = &self.config.optimiser;
         let State { fields, adam, .. } = &mut self.state;
-        let voxel_gradient = &mut self.voxel_gradient;
-        if let Some(voxels) = fields.skinning.voxels() {
-            let pull = voxels.pull_to_initial(self.config.losses.volume as f32, voxel_gradient)?;
+        let weight = self.config.losses.volume as f32;
+        if let Some(pull) = fields.skinning.pull_to_initial(weight, &mut self.logit_gradient)? {
             record.losses.insert("volume", f64::from(pull));
         }
-        let gradients = self.losses.sum_gradients(fields);
-        let of_voxels = voxel_gradient.iter().map(|g| f64::from(*g) * f64::from(*g)).sum::<f64>();
-        let squares = gradients.iter().map(SummedGradient::squared_norm).sum::<f64>() + of_voxels;
-        record.gradient_norm = squares.sqrt();
+        let gradient = self.losses.sum_gradients(fields, &mut self.logit_gradient);
+        record.gradient_norm = gradient.norm();
         let not_finite = |what: &str| Error::NonFinite {
             what: what.into(),
             step: record.step,
@@ -361,19 +329,14 @@ impl<'a> Trainer<'a> {
             return Err(not_finite("the gradient"));
         }
         let factor = (settings.clip / record.gradient_norm).min(1.0);
-        let group = |rate: f64| ParameterGroup { settings: settings.adam, rate: decay * rate };
-        let of_grids = [settings.grid_learning_rate, settings.colour_grid_learning_rate, 0.0];
-        let networks = fields.networks_mut().into_iter().zip(of_grids);
-        for (((network, rate), adam), gradient) in networks.zip(adam.iter_mut()).zip(gradients) {
-            let grid = ParameterGroup { settings: settings.grid_adam, rate: decay * rate };
-            let update = NetworkUpdate { network: group(settings.learning_rate), grid, factor };
-            adam.step_network(&update, gradient, network);
-        }
-        if let (Some(voxels), Some(adam)) = (fields.skinning.voxels_mut(), adam.last_mut()) {
-            let rate = decay * settings.voxel_learning_rate;
-            voxels.update(|logits| adam.step(settings.adam, rate, factor, voxel_gradient, logits));
-            voxel_gradient.fill(0.0);
-        }
+        let rate = |settings: AdamSettings, rate: f64| ParameterGroup { settings, rate: decay * rate };
+        let rates = FieldRates {
+            networks: rate(settings.adam, settings.learning_rate),
+            geometry_grid: rate(settings.grid_adam, settings.grid_learning_rate),
+            texture_grid: rate(settings.grid_adam, settings.colour_grid_learning_rate),
+            logits: rate(settings.adam, settings.voxel_learning_rate),
+        };
+        gradient.step(fields, adam, &rates, factor);
         Ok(())
     }
 

@@ -26,7 +26,8 @@ impl<T: Real> Worker<T> {
             },
         ));
         let Self { geometry, gradients, buffers, .. } = self;
-        let on_embedded = network.backward(geometry, &buffers.values, None, Backward::Parameters, &mut gradients[0]);
+        let on_embedded =
+            network.backward(geometry, &buffers.values, None, Backward::Parameters, &mut gradients.geometry);
         self.add_embedded(&on_embedded);
         self.add_term("free_space", sum, total);
     }

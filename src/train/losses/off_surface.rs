@@ -2,21 +2,21 @@
 
 use std::ops::Range;
 
-use xavatar_deformer::{deform_backward, root_cotangents};
 use xavatar_network::{Backward, Real, Representation};
 
-use super::pointwise::{clear, cross_entropy, sign, truncated_error};
-use super::{Buffers, Frame, Worker};
+use super::pointwise::{cross_entropy, sign, truncated_error};
+use super::{Frame, Worker};
 use crate::Result;
-use crate::fields::Skinning;
 
 impl<T: Real> Worker<T> {
+    /// The loss of a block of points. Where they are roots of the search, of which the first is number `first_root`, their cotangents
+    /// go on to the skinning field.
     pub(super) fn off_surface(
         &mut self,
         frame: &Frame<T>,
         points: &[[T; 3]],
         targets: &[T],
-        implicit: bool,
+        first_root: Option<usize>,
     ) -> Result<()> {
         let Frame { fields, batch, losses, .. } = frame;
         let total = batch.off_points.len() + batch.far_points.len();
@@ -44,31 +44,19 @@ impl<T: Real> Worker<T> {
                 self.add_term("distance", sum, total);
             }
         }
-        if !implicit && self.buffers.values.iter().all(|cotangent| *cotangent == T::zero()) {
+        if first_root.is_none() && self.buffers.values.iter().all(|cotangent| *cotangent == T::zero()) {
             // Beyond the truncation on the right side, as far points soon are.
             return Ok(());
         }
-        let wanted = if implicit { Backward::ParametersAndPoints } else { Backward::Parameters };
+        let wanted = if first_root.is_some() { Backward::ParametersAndPoints } else { Backward::Parameters };
         let Self { geometry, gradients, buffers, .. } = self;
-        let on_embedded = fields.geometry.mlp.backward(geometry, &buffers.values, None, wanted, &mut gradients[0]);
+        let on_embedded =
+            fields.geometry.mlp.backward(geometry, &buffers.values, None, wanted, &mut gradients.geometry);
         self.add_embedded(&on_embedded);
-        if implicit { self.implicit_gradient(frame, points) } else { Ok(()) }
-    }
-
-    /// Carries the cotangent of roots x_c, left in the geometry's trace, to the skinning network: -J^-T x_c_bar on d_w at fixed x_c.
-    fn implicit_gradient(&mut self, frame: &Frame<T>, points: &[[T; 3]]) -> Result<()> {
-        let Skinning::Network(field) = &frame.fields.skinning else { return Ok(()) };
-        self.skin(frame, points)?;
-        let Self { geometry, skinning, gradients, buffers, .. } = self;
-        let Buffers { transforms, jacobians, normal_cotangents, point_cotangents, weight_cotangents, .. } = buffers;
-        clear(normal_cotangents, points.len(), [T::zero(); 3]);
-        root_cotangents(jacobians, geometry.point_cotangent().as_chunks().0, normal_cotangents)?;
-        clear(weight_cotangents, points.len() * frame.batch.bones.len(), T::zero());
-        clear(point_cotangents, points.len(), [T::zero(); 3]);
-        let bones = &frame.batch.bones;
-        deform_backward(transforms, bones, points, normal_cotangents, weight_cotangents, point_cotangents)?;
-        field.backward(skinning, weight_cotangents, None, Backward::Parameters, &mut gradients[2]);
-        Ok(())
+        let Some(first) = first_root else { return Ok(()) };
+        let Self { geometry, skinning, gradients, .. } = self;
+        let cotangents = geometry.point_cotangent().as_chunks().0;
+        fields.skinning.roots_backward(skinning, &batch.bones, (first, points), cotangents, &mut gradients.skinning)
     }
 
     pub(super) fn bone(&mut self, frame: &Frame<T>, rows: Range<usize>) {
@@ -86,7 +74,8 @@ impl<T: Real> Worker<T> {
             -outward * factor * slope
         }));
         let Self { geometry, gradients, buffers, .. } = self;
-        let on_embedded = network.backward(geometry, &buffers.values, None, Backward::Parameters, &mut gradients[0]);
+        let on_embedded =
+            network.backward(geometry, &buffers.values, None, Backward::Parameters, &mut gradients.geometry);
         self.add_embedded(&on_embedded);
         self.add_term("bone", sum, total);
     }

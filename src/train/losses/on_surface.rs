@@ -2,15 +2,12 @@
 
 use std::ops::Range;
 
-use xavatar_deformer::{
-    blend_transforms, deformed_normals, deformed_normals_backward, jacobians_backward, skinning_jacobians,
-};
+use xavatar_deformer::{deformed_normals, deformed_normals_backward};
 use xavatar_network::{Backward, Real, Representation, TextureField};
 
 use super::pointwise::{clear, sign};
-use super::{Buffers, Frame, Worker};
+use super::{Frame, Worker};
 use crate::Result;
-use crate::fields::Skinning;
 
 impl<T: Real> Worker<T> {
     pub(super) fn on_surface(&mut self, frame: &Frame<T>, rows: Range<usize>) -> Result<()> {
@@ -26,7 +23,8 @@ impl<T: Real> Worker<T> {
         self.surface_distance(frame);
         let Self { geometry, gradients, buffers, .. } = self;
         let network = &fields.geometry.mlp;
-        let on_embedded = network.backward(geometry, &buffers.values, None, Backward::Parameters, &mut gradients[0]);
+        let on_embedded =
+            network.backward(geometry, &buffers.values, None, Backward::Parameters, &mut gradients.geometry);
         self.add_embedded(&on_embedded);
         Ok(())
     }
@@ -52,11 +50,11 @@ impl<T: Real> Worker<T> {
         let side = fields.gradient_side();
         clear(&mut self.buffers.values, points.len(), T::one());
         fields.geometry.mlp.input_gradient(&mut self.geometry, &self.buffers.values);
-        self.skin(frame, points)?;
+        fields.skinning.blend(&mut self.skinning, &batch.bones, points)?;
         let gradients = self.geometry.gradient().as_chunks().0;
         let buffers = &mut self.buffers;
         clear(&mut buffers.normals, points.len(), [T::zero(); 3]);
-        deformed_normals(gradients, &buffers.jacobians, side, &mut buffers.normals)?;
+        deformed_normals(gradients, self.skinning.jacobians(), side, &mut buffers.normals)?;
 
         let factor = frame.factor(losses.normal, total);
         let mut sum = 0.0;
@@ -78,7 +76,7 @@ impl<T: Real> Worker<T> {
         clear(&mut buffers.jacobian_cotangents, points.len(), [[T::zero(); 3]; 3]);
         deformed_normals_backward(
             gradients,
-            &buffers.jacobians,
+            skinning.jacobians(),
             side,
             &buffers.normal_cotangents,
             &mut buffers.gradient_cotangents,
@@ -86,26 +84,10 @@ impl<T: Real> Worker<T> {
         )?;
         let on_gradient = Some(buffers.gradient_cotangents.as_flattened());
         let network = &fields.geometry.mlp;
-        let on_embedded = network.backward(geometry, &buffers.values, on_gradient, Backward::Parameters, &mut sums[0]);
-        let Skinning::Network(field) = &fields.skinning else {
-            self.add_embedded(&on_embedded);
-            return Ok(());
-        };
-        let bones = &batch.bones;
-        clear(&mut buffers.weight_cotangents, points.len() * bones.len(), T::zero());
-        clear(&mut buffers.weight_gradient_cotangents, 3 * points.len() * bones.len(), T::zero());
-        clear(&mut buffers.point_cotangents, points.len(), [T::zero(); 3]);
-        jacobians_backward(
-            &buffers.weight_gradients,
-            bones,
-            points,
-            &buffers.jacobian_cotangents,
-            &mut buffers.weight_cotangents,
-            &mut buffers.weight_gradient_cotangents,
-            &mut buffers.point_cotangents,
-        )?;
-        let on_slopes = Some(buffers.weight_gradient_cotangents.as_slice());
-        field.backward(skinning, &buffers.weight_cotangents, on_slopes, Backward::Parameters, &mut sums[2]);
+        let on_embedded =
+            network.backward(geometry, &buffers.values, on_gradient, Backward::Parameters, &mut sums.geometry);
+        let cotangents = &buffers.jacobian_cotangents;
+        fields.skinning.jacobians_backward(skinning, &batch.bones, points, cotangents, &mut sums.skinning)?;
         self.add_embedded(&on_embedded);
         Ok(())
     }
@@ -139,7 +121,7 @@ impl<T: Real> Worker<T> {
         }
         TextureField::colours_backward(&buffers.colours, &mut cotangent);
         let wanted = if sees_normals { Backward::ParametersAndPoints } else { Backward::Parameters };
-        let on_embedded = network.backward(texture, &cotangent, None, wanted, &mut gradients[1]);
+        let on_embedded = network.backward(texture, &cotangent, None, wanted, &mut gradients.texture);
         let on_points = if sees_normals { texture.point_cotangent() } else { &[] };
         for (cotangent, point) in buffers.normal_cotangents.iter_mut().zip(on_points.chunks_exact(6)) {
             for axis in 0..3 {
@@ -148,19 +130,5 @@ impl<T: Real> Worker<T> {
         }
         self.add_embedded(&on_embedded);
         self.add_term("colour", sum, total);
-    }
-
-    /// Weights, their gradients, blended transforms and Jacobians at `points`.
-    pub(super) fn skin(&mut self, frame: &Frame<T>, points: &[[T; 3]]) -> Result<()> {
-        let bones = &frame.batch.bones;
-        let Buffers { weights, weight_gradients, transforms, jacobians, .. } = &mut self.buffers;
-        weights.resize(points.len() * bones.len(), T::zero());
-        weight_gradients.resize(3 * points.len() * bones.len(), T::zero());
-        transforms.resize(points.len(), [T::zero(); 12]);
-        jacobians.resize(points.len(), [[T::zero(); 3]; 3]);
-        frame.fields.skinning.weights_and_gradients(&mut self.skinning, points, weights, weight_gradients);
-        blend_transforms(weights, bones, transforms)?;
-        skinning_jacobians(transforms, weight_gradients, bones, points, jacobians)?;
-        Ok(())
     }
 }

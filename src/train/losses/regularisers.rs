@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
-use xavatar_network::{Backward, Real, SkinningWeights};
+use xavatar_network::{Backward, Real};
 
 use super::pointwise::clear;
 use super::{Frame, WeightTargets, Worker};
-use crate::fields::Skinning;
 
 impl<T: Real> Worker<T> {
     pub(super) fn weights(
@@ -17,22 +16,20 @@ impl<T: Real> Worker<T> {
         weight: f64,
         rows: Range<usize>,
     ) {
-        let Skinning::Network(field) = &frame.fields.skinning else { return };
-        let total = targets.points.len();
-        let factor = T::of(2.0) * frame.factor(weight, total);
-        let joints = field.joints();
+        let field = &frame.fields.skinning;
         let Self { skinning, gradients, buffers, .. } = self;
-        buffers.weights.resize(rows.len() * joints, T::zero());
-        field.forward(skinning, &targets.points[rows.clone()], &mut buffers.weights);
+        let Some(weights) = field.followed_weights(skinning, &targets.points[rows.clone()]) else { return };
+        let (total, joints) = (targets.points.len(), field.joints());
+        let factor = T::of(2.0) * frame.factor(weight, total);
         let wanted = &targets.weights[rows.start * joints..rows.end * joints];
         let mut sum = 0.0;
         buffers.weight_cotangents.clear();
-        buffers.weight_cotangents.extend(buffers.weights.iter().zip(wanted).map(|(weight, target)| {
+        buffers.weight_cotangents.extend(weights.iter().zip(wanted).map(|(weight, target)| {
             let error = *weight - *target;
             sum += (error * error).wide();
             factor * error
         }));
-        field.backward(skinning, &buffers.weight_cotangents, None, Backward::Parameters, &mut gradients[2]);
+        field.weights_backward(skinning, &buffers.weight_cotangents, &mut gradients.skinning);
         self.add_term(name, sum, total);
     }
 
@@ -57,7 +54,7 @@ impl<T: Real> Worker<T> {
         buffers.values.fill(T::zero());
         let on_gradient = Some(buffers.gradient_cotangents.as_flattened());
         let on_embedded =
-            network.backward(geometry, &buffers.values, on_gradient, Backward::Parameters, &mut gradients[0]);
+            network.backward(geometry, &buffers.values, on_gradient, Backward::Parameters, &mut gradients.geometry);
         self.add_embedded(&on_embedded);
         self.add_term("eikonal", sum, total);
     }
