@@ -24,6 +24,9 @@ const PRESETS: [(&str, &str); 6] = [
     ("demo-rgbd", include_str!("../configs/demo-rgbd.toml")),
 ];
 
+/// Sections and keys of versions before that mean nothing any more: what was written with them is read without.
+const RETIRED: [(&str, &str); 2] = [("losses", "free_space"), ("rgbd", "free_points")];
+
 /// A complete configuration of one training run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -228,11 +231,6 @@ pub struct LossSettings {
     pub eikonal: f64,
     /// Points for it a frame.
     pub eikonal_points: usize,
-    /// Distance by which the field leaves its bounds in the air that a camera looks through, per metre.
-    ///
-    /// Not in the thesis, and 0 in the presets: measured, it brought nothing (docs/rgbd-training.md).
-    #[serde(default)]
-    pub free_space: f64,
 }
 
 /// Adam and its learning rate.
@@ -320,9 +318,24 @@ impl Config {
     /// [`Error::Io`] or [`Error::Malformed`], naming the file.
     pub fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
-        let config: Self = toml::from_str(&text).map_err(|error| malformed(path, &error))?;
+        let config = Self::parse(&text).map_err(|error| malformed(path, &error))?;
         config.validate()?;
         Ok(config)
+    }
+
+    /// The configuration that a run or an avatar was written with, by this version or one before.
+    pub(crate) fn parse(text: &str) -> std::result::Result<Self, toml::de::Error> {
+        let refused: toml::de::Error = match toml::from_str(text) {
+            Ok(config) => return Ok(config),
+            Err(error) => error,
+        };
+        let Ok(mut table) = text.parse::<toml::Table>() else { return Err(refused) };
+        for (section, key) in RETIRED {
+            if let Some(toml::Value::Table(section)) = table.get_mut(section) {
+                section.remove(key);
+            }
+        }
+        table.try_into().map_err(|_| refused)
     }
 
     /// The text of `config.toml`.
@@ -379,24 +392,12 @@ impl Config {
         within("fields.condition_dropout", self.fields.condition_dropout, 1.0)?;
         within("schedule.minutes", self.schedule.minutes, 1e6)?;
         within("schedule.most_epochs", self.schedule.most_epochs as f64, 1e9)?;
-        for (name, weight) in [
-            ("losses.occupancy", self.losses.occupancy),
-            ("losses.distance", self.losses.distance),
-            ("losses.normal", self.losses.normal),
-            ("losses.colour", self.losses.colour),
-            ("losses.bone", self.losses.bone),
-            ("losses.joint", self.losses.joint),
-            ("losses.surface", self.losses.surface),
-            ("losses.volume", self.losses.volume),
-            ("losses.eikonal", self.losses.eikonal),
-            ("losses.free_space", self.losses.free_space),
-        ] {
-            within(name, weight, 1e6)?;
+        for (name, value) in float_settings("losses", &self.losses)? {
+            within(&name, value, 1e6)?;
         }
         if let Some(rgbd) = &self.rgbd {
             within("rgbd.eyes_mouth_share", rgbd.eyes_mouth_share, self.sampling.face_share)?;
             within("rgbd.hand_depth", rgbd.hand_depth.into(), 1.0)?;
-            within("rgbd.free_points", rgbd.free_points as f64, 1e7)?;
             within("rgbd.unseen_points", rgbd.unseen_points as f64, 1e7)?;
         }
         match self.fields.representation {
@@ -412,6 +413,16 @@ impl Config {
             _ => Ok(()),
         }
     }
+}
+
+/// The numbers among the settings of a section that are not counts, by their dotted keys.
+fn float_settings(section: &str, settings: &impl Serialize) -> Result<Vec<(String, f64)>> {
+    let table = toml::Table::try_from(settings).map_err(|error| Error::Value {
+        name: section.into(),
+        found: error.to_string(),
+        expected: "settings that can be written as TOML".into(),
+    })?;
+    Ok(table.into_iter().filter_map(|(key, value)| Some((format!("{section}.{key}"), value.as_float()?))).collect())
 }
 
 fn refuse(name: &str, found: impl ToString, expected: &str) -> Result<()> {
@@ -497,6 +508,17 @@ mod tests {
             }
         }
         assert!(matches!(set("losses", "1"), Err(Error::UnknownSetting { .. })));
+    }
+
+    #[test]
+    fn what_was_written_with_retired_keys_is_read_without() {
+        let config = Config::preset("fast-rgbd").unwrap();
+        let written = config.to_toml();
+        let before = written.replace("[losses]\n", "[losses]\nfree_space = 0.0\n");
+        let before = before.replace("[rgbd]\n", "[rgbd]\nfree_points = 1000\n");
+        assert_eq!(before.lines().count(), written.lines().count() + RETIRED.len());
+        assert_eq!(Config::parse(&before).unwrap(), config);
+        assert!(Config::parse(&written.replace("[losses]\n", "[losses]\nfree_speech = 1.0\n")).is_err());
     }
 
     #[test]

@@ -7,7 +7,7 @@ use candle_core::{DType, Device, Tensor};
 use glam::Vec3;
 use xavatar::config::{Config, FieldSettings, SkinningSettings, SkinningShape};
 use xavatar::fields::{CONDITION, Fields, PerField, Skinning, skeleton_parents};
-use xavatar::train::losses::{CanonicalBatch, LossEvaluator, WeightTargets};
+use xavatar::train::losses::{Anchors, CanonicalBatch, LossEvaluator, WeightTargets};
 use xavatar_network::{GeometryShape, KinematicTree, ParameterLayout, Representation, SkinningField, TextureShape};
 
 struct Golden(HashMap<String, Tensor>);
@@ -66,21 +66,22 @@ fn losses_and_gradients_match() {
         bones: bones.chunks_exact(16).map(|bone| std::array::from_fn(|index| bone[index])).collect(),
         off_points: golden.points("x_canonical_off"),
         off_targets: golden.get("occupancy"),
-        far_points: Vec::new(),
-        far_targets: Vec::new(),
         on_points: golden.points("x_canonical_on"),
         on_normals: golden.points("normal"),
         on_colours: golden.points("colour"),
-        bone_points: golden.points("bone_points"),
-        joint_weights: WeightTargets { points: golden.points("joint_points"), weights: golden.get("joint_weights") },
-        surface_weights: WeightTargets {
-            points: golden.points("surface_points"),
-            weights: golden.get("surface_weights"),
+        anchors: Anchors {
+            bone_points: golden.points("bone_points"),
+            joint_weights: WeightTargets {
+                points: golden.points("joint_points"),
+                weights: golden.get("joint_weights"),
+            },
+            surface_weights: WeightTargets {
+                points: golden.points("surface_points"),
+                weights: golden.get("surface_weights"),
+            },
+            eikonal_points: golden.points("x_canonical_on"),
+            ..Anchors::default()
         },
-        volume_weights: WeightTargets::default(),
-        eikonal_points: golden.points("x_canonical_on"),
-        free_points: Vec::new(),
-        free_bounds: Vec::new(),
         implicit_gradient: true,
     };
     assert_eq!(batch.condition.len(), CONDITION);

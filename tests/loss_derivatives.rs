@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use xavatar::body::JOINTS;
 use xavatar::config::{Config, FieldSettings, LossSettings, SkinningSettings, SkinningShape};
 use xavatar::fields::{CONDITION, Fields, Skinning};
-use xavatar::train::losses::{CanonicalBatch, LossEvaluator, WeightTargets};
+use xavatar::train::losses::{Anchors, CanonicalBatch, LossEvaluator, WeightTargets};
 use xavatar_network::{GeometryShape, Representation, TextureShape};
 
 const STEP: f64 = 1e-6;
@@ -39,18 +39,18 @@ fn batch(random: &mut ChaCha8Rng) -> CanonicalBatch<f64> {
         bones: (0..JOINTS).map(bone).collect(),
         off_points: points(random, 12),
         off_targets: (0..12).map(|_| random.random_range(-0.5..0.5)).collect(),
-        far_points: points(random, 7),
-        far_targets: vec![0.5; 7],
         on_points: points(random, 9),
         on_normals,
         on_colours: vec![[0.5; 3]; 9],
-        bone_points: points(random, 6),
-        joint_weights: weights(random, 5),
-        surface_weights: weights(random, 6),
-        volume_weights: weights(random, 7),
-        eikonal_points: points(random, 8),
-        free_points: points(random, 10),
-        free_bounds: (0..10).map(|index| [0.0, 0.05 * f64::from(index)]).collect(),
+        anchors: Anchors {
+            far_points: points(random, 7),
+            far_targets: vec![0.5; 7],
+            bone_points: points(random, 6),
+            joint_weights: weights(random, 5),
+            surface_weights: weights(random, 6),
+            volume_weights: weights(random, 7),
+            eikonal_points: points(random, 8),
+        },
         implicit_gradient: false,
     }
 }
@@ -77,7 +77,6 @@ fn gradients_match_differences() {
         surface: 2.0,
         volume: 0.8,
         eikonal: 0.6,
-        free_space: 2.5,
         ..Config::preset("demo").unwrap().losses
     };
     let mut random = ChaCha8Rng::seed_from_u64(11);
@@ -88,7 +87,7 @@ fn gradients_match_differences() {
     let share = 0.5;
     let mut evaluator = LossEvaluator::new(&fields, 2);
     let terms = evaluator.accumulate(&fields, &batch, &losses, share).unwrap();
-    for term in ["distance", "normal", "bone", "joint", "surface", "volume", "eikonal", "free_space"] {
+    for term in ["distance", "normal", "bone", "joint", "surface", "volume", "eikonal"] {
         assert!(terms[term] > 0.0, "{term} is {}", terms[term]);
     }
     let gradients = evaluator.sum_gradients(&fields, &mut []).to_vecs();

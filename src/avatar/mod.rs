@@ -119,7 +119,7 @@ impl Avatar {
             expected: "what this program writes".into(),
         };
         let config: Config =
-            toml::from_str(file.text(&path, "config")?).map_err(|error| malformed("config", error.to_string()))?;
+            Config::parse(file.text(&path, "config")?).map_err(|error| malformed("config", error.to_string()))?;
         let subject: Subject = serde_json::from_str(file.text(&path, "subject")?)
             .map_err(|error| malformed("subject", error.to_string()))?;
         let (low, high) = subject.bounds;

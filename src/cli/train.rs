@@ -62,7 +62,7 @@ impl Train {
             return Ok(Outcome::Stopped);
         }
         println!("{}", self.out.join(Avatar::FILE).display());
-        log::info!("report: {}", self.write_report(&trainer.avatar(), &opened)?.display());
+        log::info!("report: {}", self.write_report(&trainer.avatar()?, &opened)?.display());
         log::info!(
             "try next\n  xavatar eval {out} {data} --body {body} --split test --baseline smplx+d\n  \
              xavatar extract {out} --out canonical.ply\n  \

@@ -14,8 +14,6 @@ pub struct RgbdSettings {
     pub off_surface: bool,
     /// How far behind the observed surface of a hand its distance is believed, metres: fingers are thin.
     pub hand_depth: f32,
-    /// Points drawn along the camera's rays, in the air before what it sees; `losses.free_space` weighs them.
-    pub free_points: usize,
     /// Points around the registered body where no frame has seen it.
     ///
     /// Not in the thesis: without them, what stage 0 left there drifts.

@@ -61,7 +61,7 @@ impl PosedSubject {
         let mut trainer =
             Trainer::start(&config, TrainingFrames::Scans(&frame), model, labels, folder.path(), &mut unwatched)?;
         trainer.run(&AtomicBool::new(false), &mut unwatched)?;
-        let avatar = trainer.avatar();
+        let avatar = trainer.avatar()?;
         let parameters = &frame.frames()[0].parameters;
         let vertices = model.pose(parameters)?.vertices.into_iter().cycle().take(points);
         Ok(Self {

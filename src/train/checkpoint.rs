@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use xavatar_network::Adam;
 
-use crate::fields::{Fields, PerField};
+use super::engine::Learned;
 use crate::tensor_file::TensorFile;
 use crate::{Error, Result};
 
@@ -31,46 +31,44 @@ pub(super) struct Progress {
 
 /// Fields, optimiser and progress.
 pub(super) struct State {
-    pub fields: Fields<f32>,
-    pub adam: PerField<Adam<f32>>,
+    pub learned: Learned,
     pub progress: Progress,
-    /// The skinning field's parameters when the search's grid was last sampled.
-    pub baked_skinning: Option<Vec<f32>>,
 }
 
 const BAKED: &str = "baked_skinning";
 
-impl State {
-    fn to_file(&self) -> TensorFile {
-        let mut file = TensorFile::default();
-        self.fields.insert_into(&mut file);
-        for (name, adam) in self.adam.as_ref().named() {
-            let length = vec![adam.first_moment.len()];
-            file.tensors.insert(format!("{name}.adam.first"), (length.clone(), adam.first_moment.clone()));
-            file.tensors.insert(format!("{name}.adam.second"), (length, adam.second_moment.clone()));
-            file.text.insert(format!("{name}.adam.updates"), adam.updates.to_string());
-        }
-        if let Some(parameters) = &self.baked_skinning {
-            file.tensors.insert(BAKED.into(), (vec![parameters.len()], parameters.clone()));
-        }
-        let Progress { pretraining_steps, steps, seconds, running_loss, best_loss } = self.progress;
-        for (key, value) in [
-            ("pretraining_steps", pretraining_steps.to_string()),
-            ("steps", steps.to_string()),
-            ("seconds", seconds.to_string()),
-            ("running_loss", running_loss.to_string()),
-            ("best_loss", best_loss.to_string()),
-        ] {
-            file.text.insert(key.into(), value);
-        }
-        file
+fn to_file(learned: &Learned, progress: &Progress) -> TensorFile {
+    let mut file = TensorFile::default();
+    learned.fields.insert_into(&mut file);
+    for (name, adam) in learned.adam.as_ref().named() {
+        let length = vec![adam.first_moment.len()];
+        file.tensors.insert(format!("{name}.adam.first"), (length.clone(), adam.first_moment.clone()));
+        file.tensors.insert(format!("{name}.adam.second"), (length, adam.second_moment.clone()));
+        file.text.insert(format!("{name}.adam.updates"), adam.updates.to_string());
     }
+    if let Some(parameters) = &learned.sampled_skinning {
+        file.tensors.insert(BAKED.into(), (vec![parameters.len()], parameters.clone()));
+    }
+    let Progress { pretraining_steps, steps, seconds, running_loss, best_loss } = *progress;
+    for (key, value) in [
+        ("pretraining_steps", pretraining_steps.to_string()),
+        ("steps", steps.to_string()),
+        ("seconds", seconds.to_string()),
+        ("running_loss", running_loss.to_string()),
+        ("best_loss", best_loss.to_string()),
+    ] {
+        file.text.insert(key.into(), value);
+    }
+    file
+}
 
+impl State {
     /// Replaces the state by the one stored at `path`.
     pub fn load(&mut self, path: &Path) -> Result<()> {
         let file = TensorFile::read(path)?;
-        self.fields.load_from(&file)?;
-        for (name, adam) in self.adam.as_mut().named() {
+        let Learned { fields, adam, sampled_skinning } = &mut self.learned;
+        fields.load_from(&file)?;
+        for (name, adam) in adam.as_mut().named() {
             let length = adam.first_moment.len();
             let moment = |kind: &str| stored_vector(&file, path, &format!("{name}.adam.{kind}"), length);
             *adam = Adam {
@@ -80,7 +78,7 @@ impl State {
             };
         }
         if file.tensors.contains_key(BAKED) {
-            self.baked_skinning = Some(stored_vector(&file, path, BAKED, self.adam.skinning.first_moment.len())?);
+            *sampled_skinning = Some(stored_vector(&file, path, BAKED, fields.skinning.parameters().len())?);
         }
         self.progress = Progress {
             pretraining_steps: file.parsed(path, "pretraining_steps")?,
@@ -91,25 +89,25 @@ impl State {
         };
         Ok(())
     }
+}
 
-    /// Writes a checkpoint, then removes all but the newest `kept` and the best. Returns its path.
-    pub fn save(&mut self, run: &Path, kept: usize) -> Result<PathBuf> {
-        let folder = run.join(FOLDER);
-        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
-        let best = self.progress.running_loss < self.progress.best_loss;
-        self.progress.best_loss = self.progress.best_loss.min(self.progress.running_loss);
-        let file = self.to_file();
-        let step = self.progress.pretraining_steps + self.progress.steps;
-        let path = folder.join(format!("step-{step:08}.safetensors"));
-        file.write(&path)?;
-        if best {
-            file.write(&folder.join(BEST))?;
-        }
-        for old in checkpoints(run)?.into_iter().skip(kept) {
-            std::fs::remove_file(&old).map_err(Error::io(&old))?;
-        }
-        Ok(path)
+/// Writes a checkpoint, then removes all but the newest `kept` and the best. Returns its path.
+pub(super) fn save(learned: &Learned, progress: &mut Progress, run: &Path, kept: usize) -> Result<PathBuf> {
+    let folder = run.join(FOLDER);
+    std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+    let best = progress.running_loss < progress.best_loss;
+    progress.best_loss = progress.best_loss.min(progress.running_loss);
+    let file = to_file(learned, progress);
+    let step = progress.pretraining_steps + progress.steps;
+    let path = folder.join(format!("step-{step:08}.safetensors"));
+    file.write(&path)?;
+    if best {
+        file.write(&folder.join(BEST))?;
     }
+    for old in checkpoints(run)?.into_iter().skip(kept) {
+        std::fs::remove_file(&old).map_err(Error::io(&old))?;
+    }
+    Ok(path)
 }
 
 fn stored_vector(file: &TensorFile, path: &Path, name: &str, length: usize) -> Result<Vec<f32>> {

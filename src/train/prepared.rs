@@ -2,6 +2,8 @@
 //!
 //! Everything is in the body's frame: the registration's translation is subtracted from what was captured.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
 use super::camera_view::CameraView;
@@ -46,7 +48,7 @@ pub(super) struct Region {
 /// One frame of training data.
 pub(super) struct PreparedFrame<'a> {
     pub id: FrameId,
-    pub pose: FieldPose,
+    pub pose: Arc<FieldPose>,
     pub supervision: Supervision<'a>,
 }
 
@@ -85,7 +87,7 @@ impl<'a> PreparedFrame<'a> {
             let registered = RegisteredBody { mesh, labels, registration };
             Ok(Self {
                 id: id.clone(),
-                pose: FieldPose::new(body, parameters)?,
+                pose: Arc::new(FieldPose::new(body, parameters)?),
                 supervision: match frame {
                     CapturedFrame::Scan(frame) => {
                         Supervision::Scan(Box::new(ScanSupervision::new(*frame, registered, &config.sampling)?))
