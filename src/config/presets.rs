@@ -123,7 +123,7 @@ mod tests {
             let config = Config::preset(name).unwrap();
             assert_eq!(config.preset, name);
             assert_eq!(toml::from_str::<Config>(&config.to_toml().unwrap()).unwrap(), config);
-            assert_eq!(Config::preset(preset_for_rgbd(name)).unwrap().rgbd.is_some(), true, "{name}");
+            assert!(Config::preset(preset_for_rgbd(name)).unwrap().rgbd.is_some(), "{name}");
         }
     }
 
