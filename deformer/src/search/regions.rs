@@ -12,8 +12,8 @@
 use xavatar_network::Real;
 
 use crate::affine::{apply, dot, inverse_transform, rotation, subtract};
-use crate::baked_warp::Node;
 use crate::error::expect_length;
+use crate::grid::baked_warp::Node;
 use crate::{BoneTransform, Error, Grid, Result, SparseWeights, StartGroups};
 
 /// Added to the boxes: far above the search's tolerance and the rounding of f32, metres.
@@ -241,7 +241,7 @@ fn owners<T: Real>(grid: &Grid<T>, weights: &SparseWeights<T>, group: &[usize]) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::softmax_field::{SoftmaxField, generator, vectors};
+    use crate::warp::softmax_field::{SoftmaxField, generator, vectors};
     use crate::{BakedWeights, SearchSettings, Warp, search};
 
     const JOINTS: usize = 8;

@@ -2,10 +2,20 @@
 //!
 //! [`ExactWarp`] asks the field for its weights at every point; [`crate::BakedWarp`] looks A up on a grid. Metres.
 
+mod implicit;
+mod normals;
+pub(crate) mod skinning;
+#[cfg(test)]
+pub(crate) mod softmax_field;
+
+pub use implicit::root_cotangents;
+pub use normals::{GradientSide, deformed_normals, deformed_normals_backward};
+pub use skinning::{blend_transforms, deform, deform_backward, jacobians_backward, skinning_jacobians};
+
 use xavatar_network::{Real, SkinningWeights};
 
 use crate::affine::expect_finite_bones;
-use crate::skinning::{blend, blend_jacobians};
+use crate::warp::skinning::{blend, blend_jacobians};
 use crate::{BoneTransform, Error, Jacobian, Result, StartBoxes};
 
 /// A posed frame as a map of canonical points. N points.

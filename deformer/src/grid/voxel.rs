@@ -194,7 +194,7 @@ fn softmax_rows<T: Real>(weights: &mut SparseWeights<T>, logits: &[T]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::softmax_field::{generator, numbers, vectors};
+    use crate::warp::softmax_field::{generator, numbers, vectors};
 
     fn field(joints: usize) -> VoxelSkinning<f64> {
         let grid = Grid::regular([-1.0; 3], [1.0; 3], [5, 6, 7]).unwrap();

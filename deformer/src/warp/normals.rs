@@ -111,7 +111,7 @@ fn covector<T: Real>(gradient: [T; 3], jacobian: &Jacobian<T>) -> Option<Covecto
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::softmax_field::{generator, numbers, vectors};
+    use crate::warp::softmax_field::{generator, numbers, vectors};
 
     const POINTS: usize = 6;
 

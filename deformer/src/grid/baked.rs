@@ -11,9 +11,9 @@ use xavatar_network::{Real, SkinningWeights};
 use xavatar_vector::vectorised;
 
 use crate::affine::expect_finite_bones;
-use crate::baked_warp::Spare;
 use crate::error::expect_length;
-use crate::sparse_weights::padded;
+use crate::grid::baked_warp::Spare;
+use crate::grid::sparse_weights::padded;
 use crate::{BakedWarp, BoneTransform, Error, Grid, Result, SparseWeights, StartGroups, StartRegions};
 
 /// Nodes that one task samples or blends.
@@ -121,7 +121,7 @@ impl<T: Real> BakedWeights<T> {
 mod tests {
     use super::*;
     use crate::affine::apply;
-    use crate::softmax_field::{SoftmaxField, generator, posed, vectors};
+    use crate::warp::softmax_field::{SoftmaxField, generator, posed, vectors};
     use crate::{ExactWarp, Warp};
 
     const JOINTS: usize = 5;

@@ -8,9 +8,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 use xavatar_network::Real;
 
+use super::broyden::{ActiveSet, Outcome, Start, solve};
+use super::candidates::{Root, merge_roots};
+use super::limits::Limits;
 use crate::affine::{apply, inverse, inverse_transform};
-use crate::broyden::{ActiveSet, Limits, Outcome, Start, solve};
-use crate::candidates::{Root, merge_roots};
 use crate::error::expect_length;
 use crate::{BoneTransform, Candidates, Error, Jacobian, Result, SearchSettings, SearchStatistics, StartGroups, Warp};
 

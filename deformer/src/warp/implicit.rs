@@ -39,7 +39,7 @@ pub fn root_cotangents<T: Real>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::softmax_field::{SoftmaxField, generator, posed, vectors};
+    use crate::warp::softmax_field::{SoftmaxField, generator, posed, vectors};
     use crate::{BoneTransform, ExactWarp, SearchSettings, StartGroups, Warp, deform, deform_backward, search};
     use xavatar_network::SkinningWeights;
 

@@ -94,7 +94,7 @@ impl<T: Real> VoxelSkinning<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::softmax_field::{generator, posed, vectors};
+    use crate::warp::softmax_field::{generator, posed, vectors};
     use crate::{BoneTransform, Grid, SearchSettings, StartGroups, search};
 
     const JOINTS: usize = 4;

@@ -3,9 +3,22 @@
 //! R = X * Y * Z nodes, x fastest; axes may be unevenly spaced, so that hands are fine where a thigh is coarse.
 //! Outside the box the nearest point of its surface counts. Metres.
 
+mod axis;
+mod baked;
+pub(crate) mod baked_warp;
+mod sparse_weights;
+mod voxel;
+mod voxel_gradient;
+
+pub use axis::Axis;
+pub use baked::BakedWeights;
+pub use baked_warp::BakedWarp;
+pub use sparse_weights::SparseWeights;
+pub use voxel::VoxelSkinning;
+
 use xavatar_network::Real;
 
-use crate::{Axis, Error, Result};
+use crate::{Error, Result};
 
 /// Most nodes of a grid: 16.8 million, a gigabyte of blended transforms a frame.
 const MOST_NODES: usize = 1 << 24;

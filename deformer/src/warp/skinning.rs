@@ -217,7 +217,7 @@ mod tests {
     use xavatar_network::SkinningWeights;
 
     use super::*;
-    use crate::softmax_field::{generator, numbers, posed, vectors};
+    use crate::warp::softmax_field::{generator, numbers, posed, vectors};
     use crate::{Error, ExactWarp, Warp};
 
     const POINTS: usize = 7;

@@ -6,20 +6,10 @@
 use xavatar_network::Real;
 use xavatar_vector::vectorised;
 
+use super::lanes::{LANES, Pack, Status};
+use super::limits::Limits;
 use crate::affine::{apply, inverse, rotation};
-use crate::broyden_lanes::{LANES, Pack, Status};
 use crate::{BoneTransform, Jacobian, Warp};
-
-/// When a start is finished.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Limits<T> {
-    /// |g| below which a start has converged, metres.
-    pub tolerance: T,
-    /// |g| above which an updated start is given up, metres.
-    pub divergence: T,
-    /// How many times x is updated.
-    pub updates: u32,
-}
 
 /// Where one search begins.
 #[derive(Clone, Copy, Debug)]

@@ -8,7 +8,7 @@ use xavatar_network::Real;
 use xavatar_vector::vectorised;
 
 use crate::affine::apply;
-use crate::skinning::jacobian_from_slopes;
+use crate::warp::skinning::jacobian_from_slopes;
 use crate::{BoneTransform, Grid, Jacobian, StartBoxes, Warp};
 
 /// A node's blended transform, padded to a cache line of 16 f32 so that a look-up touches eight lines and no more.

@@ -3,14 +3,26 @@
 //! For a deformed point x_d with part label l, finds every canonical x_c with d_w(x_c, B) = x_d by Broyden's method,
 //! started from B_i^-1 x_d for the bones i of l's group. N points; metres.
 //!
-//! Converged: |residual| < 1e-5 m within 50 updates. Starts that leave the 1 m ball are dropped, not clamped.
-//! Roots closer than 1e-4 m are one root: the geometry network never sees a candidate twice.
+//! [`SearchSettings`] says when a start has converged (thesis: |residual| < 1e-5 m within 50 updates). Starts that leave the ball are
+//! dropped, not clamped. Roots close to each other are one: the geometry network never sees a candidate twice.
+
+mod broyden;
+mod candidates;
+mod groups;
+mod lanes;
+mod limits;
+mod plan;
+mod regions;
+
+pub use candidates::{Candidates, SearchStatistics};
+pub use groups::StartGroups;
+pub use regions::{StartBoxes, StartRegions};
 
 use serde::{Deserialize, Serialize};
 use xavatar_network::Real;
 
-use crate::plan::{Plan, Thread};
-use crate::{Candidates, Error, Result, StartGroups, Warp};
+use self::plan::{Plan, Thread};
+use crate::{Error, Result, Warp};
 
 /// More updates than any start that still converges needs; keeps a mistyped setting from running for hours.
 const MOST_UPDATES: u32 = 1000;
@@ -120,7 +132,7 @@ pub fn search_and_polish<T: Real, W: Warp<T>, E: Warp<T>>(
 mod tests {
     use super::*;
     use crate::affine::apply;
-    use crate::softmax_field::{generator, posed, vectors};
+    use crate::warp::softmax_field::{generator, posed, vectors};
     use crate::{BakedWeights, ExactWarp, Grid, deform};
 
     const JOINTS: usize = 12;

@@ -6,8 +6,8 @@
 
 use xavatar_network::Real;
 
+use super::limits::Limits;
 use crate::Jacobian;
-use crate::broyden::Limits;
 
 /// Starts side by side: a vector of f32 on the widest machines.
 pub(crate) const LANES: usize = 16;
