@@ -11,6 +11,7 @@ use xavatar_deformer::SearchSettings;
 use xavatar_network::{AdamSettings, GeometryShape, Representation, TextureShape};
 
 use crate::canonical_grid::VoxelShape;
+use crate::input_file::read_text;
 use crate::{Error, Result};
 
 pub use rgbd::RgbdSettings;
@@ -310,7 +311,7 @@ impl Config {
     /// # Errors
     /// [`Error::Io`] or [`Error::Malformed`], naming the file.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        let text = read_text(path)?;
         let config: Self = toml::from_str(&text).map_err(|error| malformed(path, &error))?;
         config.validate()?;
         Ok(config)

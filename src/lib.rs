@@ -69,14 +69,16 @@ pub mod evaluate;
 pub mod export;
 pub mod fields;
 pub mod filming;
+pub mod input_file;
 pub mod machine;
 pub mod mannequin;
 pub mod mesh;
 mod picture_file;
 pub mod render;
 pub mod report;
+pub mod shown;
 mod tensor_file;
 pub mod train;
 pub mod view;
 
-pub use error::{Error, Result};
+pub use error::{Error, MemoryLimit, Result};

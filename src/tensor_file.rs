@@ -8,6 +8,7 @@ use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
 use crate::atomic_file::write_atomically;
+use crate::input_file::read_bytes;
 use crate::{Error, Result};
 
 /// Tensors by name: shape and row-major entries.
@@ -50,7 +51,7 @@ impl TensorFile {
             found,
             expected: expected.into(),
         };
-        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        let bytes = read_bytes(path)?;
         let broken = |error: safetensors::SafeTensorError| {
             malformed("the header", error.to_string(), "a header that describes the whole file")
         };

@@ -15,6 +15,7 @@ use xavatar::data::{
 };
 use xavatar::fields::FIELD_NAMES;
 use xavatar::mesh::{Colouring, Topology, read_mesh};
+use xavatar::shown::Shown;
 
 use super::Outcome;
 use super::json::JsonArgument;
@@ -217,5 +218,7 @@ impl fmt::Display for AvatarDescription {
 }
 
 fn write_arrays(formatter: &mut fmt::Formatter<'_>, arrays: &Arrays) -> fmt::Result {
-    arrays.iter().try_for_each(|(name, array)| writeln!(formatter, "  {name:<24} {}", array.description))
+    arrays
+        .iter()
+        .try_for_each(|(name, array)| writeln!(formatter, "  {:<24} {}", Shown(name).to_string(), array.description))
 }

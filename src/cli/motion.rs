@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
 use xavatar::data::{Clip, HandConvention, MotionOptions, RestPose, Translation, UpAxis};
+use xavatar::input_file::read_text;
 
 /// What the user declares about a motion, and what is to be made of it.
 #[derive(Clone, Debug, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -122,8 +123,8 @@ impl MotionArguments {
 }
 
 fn read_bone_map(path: &Path) -> anyhow::Result<BTreeMap<String, String>> {
-    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-    toml::from_str(&text).with_context(|| format!("{}: expected lines such as \"Hips\" = \"pelvis\"", path.display()))
+    toml::from_str(&read_text(path)?)
+        .with_context(|| format!("{}: expected lines such as \"Hips\" = \"pelvis\"", path.display()))
 }
 
 fn positive(text: &str) -> Result<f32, String> {

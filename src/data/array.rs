@@ -87,6 +87,11 @@ impl Array {
         }
     }
 
+    /// How many elements there are; one for text.
+    pub(super) fn elements(&self) -> usize {
+        self.shape.iter().product()
+    }
+
     /// What the array is, for messages: `f32 (3, 4)`.
     pub fn description(&self) -> String {
         if let ArrayData::Text(text) = &self.data {

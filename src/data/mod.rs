@@ -3,6 +3,7 @@
 //! Files -> arrays -> frames. Nothing here knows about training.
 
 mod array;
+mod budget;
 mod check;
 mod element;
 mod fault;

@@ -1,15 +1,17 @@
 //! The npy format (numpy's `format.py`, versions 1 to 3): a magic, a header that is a Python dict literal, raw elements.
 //!
 //! Row- or column-major, either byte order. The header's shape is checked against the bytes that follow before
-//! anything is allocated for them. Arrays of Python objects are refused; inside an npz the allow-list pickle
+//! anything is allocated for them, on the file's [`Budget`]. Arrays of Python objects are refused; inside an npz the allow-list pickle
 //! interpreter reads them.
 
 use std::path::Path;
 
+use super::budget::Budget;
 use super::element::{ElementKind, ElementType, element_count};
 use super::fault::{Fault, excerpt};
 use super::{Array, ArrayData};
-use crate::{Error, Result};
+use crate::Result;
+use crate::input_file::read_bytes;
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -22,12 +24,16 @@ const DATA_ALIGNMENT: usize = 64;
 /// Reads a `.npy` file.
 ///
 /// # Errors
-/// [`Error::Malformed`] if the file is not one array of numbers or one string, or is cut short;
-/// [`Error::Refused`] if it holds pickled objects.
+/// [`Error::Malformed`](crate::Error::Malformed) if the file is not one array of numbers or one string, or is cut short;
+/// [`Error::Refused`](crate::Error::Refused) if it holds pickled objects.
 pub fn read_npy(path: impl AsRef<Path>) -> Result<Array> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    NpyFile::parse(&bytes).and_then(NpyFile::array).map_err(|fault| fault.in_file(path, "npy array"))
+    parse_npy(&read_bytes(path)?).map_err(|fault| fault.in_file(path, "npy array"))
+}
+
+/// The array of an npy file's bytes.
+pub(super) fn parse_npy(bytes: &[u8]) -> std::result::Result<Array, Fault> {
+    NpyFile::parse(bytes)?.array(&Budget::of_file(bytes.len()))
 }
 
 /// An npy file whose header has been read.
@@ -72,8 +78,8 @@ impl<'a> NpyFile<'a> {
         self.element.kind == ElementKind::Object
     }
 
-    pub(super) fn array(self) -> std::result::Result<Array, Fault> {
-        self.element.array(self.shape, self.fortran_order, self.data)
+    pub(super) fn array(self, budget: &Budget) -> std::result::Result<Array, Fault> {
+        self.element.array(self.shape, self.fortran_order, self.data, budget)
     }
 }
 

@@ -8,6 +8,7 @@ use serde::Deserialize;
 use super::Stage;
 use super::metrics_log::METRICS;
 use super::trainer::PREVIEWS;
+use crate::input_file::read_text;
 use crate::{Error, Result};
 
 /// A step as it was noted: what of a [`StepRecord`](super::StepRecord) is looked at later.
@@ -36,7 +37,7 @@ pub fn has_notes(run: &Path) -> bool {
 /// [`Error::Io`] if the run has no metrics, [`Error::Malformed`] if they are not a trainer's.
 pub fn noted_steps(run: &Path) -> Result<Vec<NotedStep>> {
     let path = run.join(METRICS);
-    let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
+    let text = read_text(&path)?;
     let parse = |(number, line): (usize, &str)| {
         serde_json::from_str(line).map_err(|error| Error::Malformed {
             path: path.clone(),

@@ -9,6 +9,7 @@ use crate::body::BodyParameters;
 use crate::data::fault::excerpt;
 use crate::data::xhumans::{motion_files, parameters_of};
 use crate::data::{ArrayMap, read_npz, read_pickle_arrays};
+use crate::input_file;
 use crate::{Error, Result};
 
 /// Bytes that tell what a file is.
@@ -38,7 +39,7 @@ pub(super) fn read(path: &Path, onto: &Onto) -> Result<Motion> {
     if path.is_dir() {
         return read_folder(path, onto);
     }
-    if !path.is_file() {
+    if !path.exists() {
         return Err(Error::Missing {
             path: path.into(),
             what: "a motion".into(),
@@ -75,8 +76,7 @@ fn unrecognised(path: &Path, tried: Vec<String>) -> Error {
 
 fn start_of(path: &Path) -> Result<Vec<u8>> {
     let mut start = Vec::new();
-    let file = std::fs::File::open(path).map_err(Error::io(path))?;
-    file.take(START).read_to_end(&mut start).map_err(Error::io(path))?;
+    input_file::open(path)?.take(START).read_to_end(&mut start).map_err(Error::io(path))?;
     Ok(start)
 }
 

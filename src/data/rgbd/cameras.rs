@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::PinholeCamera;
 use crate::data::{Array, ArrayData, ArrayMap, read_npz};
+use crate::input_file::read_text;
 use crate::{Error, Result};
 
 const FORMAT: &str = "camera file";
@@ -60,7 +61,7 @@ impl CameraTable {
     /// # Errors
     /// [`Error::Missing`], [`Error::Malformed`] or [`Error::Refused`], naming the file and the array.
     pub fn read(path: &Path, origin: PixelOrigin, intrinsics: Option<Intrinsics>) -> Result<Self> {
-        if !path.is_file() {
+        if !path.exists() {
             return Err(Error::Missing {
                 path: path.into(),
                 what: "the cameras of the sequence".into(),
@@ -112,12 +113,11 @@ impl CameraTable {
 
 /// The arrays of an npz, or of the nested lists of numbers in a JSON or TOML table.
 fn read_arrays(path: &Path) -> Result<ArrayMap> {
-    let text = || std::fs::read_to_string(path).map_err(Error::io(path));
     let wrong = |error: &dyn std::fmt::Display| malformed(path, "the text", error, "a table of matrices");
     let table: serde_json::Map<String, serde_json::Value> =
         match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
-            Some("json") => serde_json::from_str(&text()?).map_err(|error| wrong(&error))?,
-            Some("toml") => toml::from_str(&text()?).map_err(|error| wrong(&error.message()))?,
+            Some("json") => serde_json::from_str(&read_text(path)?).map_err(|error| wrong(&error))?,
+            Some("toml") => toml::from_str(&read_text(path)?).map_err(|error| wrong(&error.message()))?,
             _ => return read_npz(path),
         };
     let numbers = |(key, value): (String, serde_json::Value)| {

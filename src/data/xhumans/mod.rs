@@ -23,6 +23,7 @@ pub(super) use write::{create_folder, write_common, write_parameters};
 
 use super::{FrameFiles, FrameId, read_npy};
 use crate::body::Gender;
+use crate::input_file::read_text;
 use crate::{Error, Result};
 
 const SHAPE_FILE: &str = "mean_shape_smplx.npy";
@@ -94,10 +95,10 @@ impl Common {
             ));
         }
         let gender_path = folder.join(GENDER_FILE);
-        if !gender_path.is_file() {
+        if !gender_path.exists() {
             return Err(missing(gender_path, "the subject's gender", "write neutral, male or female into it"));
         }
-        let text = std::fs::read_to_string(&gender_path).map_err(Error::io(&gender_path))?;
+        let text = read_text(&gender_path)?;
         let gender = text.parse().map_err(|_| Error::Mismatch {
             path: gender_path,
             found: super::fault::excerpt(text.trim()),
@@ -109,7 +110,7 @@ impl Common {
 }
 
 pub(super) fn mean_shape(path: &Path) -> Result<[f32; 10]> {
-    if !path.is_file() {
+    if !path.exists() {
         return Err(Error::Missing {
             path: path.into(),
             what: "the subject's mean shape".into(),
