@@ -8,11 +8,11 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use xavatar_deformer::SearchSettings;
+use xavatar_formats::read_text;
 use xavatar_network::{AdamSettings, GeometryShape, Representation, TextureShape};
 
 use crate::canonical_grid::VoxelShape;
-use crate::input_file::read_text;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 pub use rgbd::RgbdSettings;
 
@@ -288,19 +288,23 @@ impl Config {
     /// [`Error::Value`] for an unknown preset or a value of the wrong kind or range, [`Error::UnknownSetting`] for a key.
     pub fn preset_with(name: &str, settings: &[(String, String)]) -> Result<Self> {
         let names: Vec<_> = PRESETS.iter().map(|(name, _)| *name).collect();
-        let (_, text) = PRESETS.iter().find(|(preset, _)| *preset == name).ok_or_else(|| Error::Value {
-            name: "preset".into(),
-            found: format!("`{name}`"),
-            expected: format!("one of {}", names.join(", ")),
+        let (_, text) = PRESETS.iter().find(|(preset, _)| *preset == name).ok_or_else(|| {
+            Error::from(InputError::Value {
+                name: "preset".into(),
+                found: format!("`{name}`"),
+                expected: format!("one of {}", names.join(", ")),
+            })
         })?;
         let mut table: toml::Table = text.parse().map_err(|error| malformed(Path::new(name), &error))?;
         for (key, value) in settings {
             override_key(&mut table, key, value)?;
         }
-        let config: Self = table.try_into().map_err(|error: toml::de::Error| Error::Value {
-            name: settings.iter().map(|(key, _)| key.as_str()).collect::<Vec<_>>().join(", "),
-            found: settings.iter().map(|(_, value)| value.as_str()).collect::<Vec<_>>().join(", "),
-            expected: error.message().into(),
+        let config: Self = table.try_into().map_err(|error: toml::de::Error| {
+            Error::from(InputError::Value {
+                name: settings.iter().map(|(key, _)| key.as_str()).collect::<Vec<_>>().join(", "),
+                found: settings.iter().map(|(_, value)| value.as_str()).collect::<Vec<_>>().join(", "),
+                expected: error.message().into(),
+            })
         })?;
         config.validate()?;
         Ok(config)
@@ -407,17 +411,17 @@ impl Config {
 }
 
 fn refuse(name: &str, found: impl ToString, expected: &str) -> Result<()> {
-    Err(Error::Value { name: name.into(), found: found.to_string(), expected: expected.into() })
+    Err(Error::from(InputError::Value { name: name.into(), found: found.to_string(), expected: expected.into() }))
 }
 
 fn malformed(path: &Path, error: &toml::de::Error) -> Error {
-    Error::Malformed {
+    Error::from(InputError::Malformed {
         path: path.into(),
         format: "configuration",
         place: error.span().map_or("the file".into(), |span| format!("byte {}", span.start)),
         found: error.message().into(),
         expected: "the keys of a preset in configs/".into(),
-    }
+    })
 }
 
 /// Replaces the value of a dotted key that the preset has, reading `value` as TOML or else as a bare string.
@@ -502,7 +506,7 @@ mod tests {
             ("losses.bone", "-1"),
             ("losses.occupancy", "1"),
         ] {
-            assert!(matches!(set(key, value), Err(Error::Value { .. })), "{key} = {value}");
+            assert!(matches!(set(key, value), Err(Error::Input(InputError::Value { .. }))), "{key} = {value}");
         }
     }
 }

@@ -7,7 +7,8 @@
 //! R nodes, J bones; metres. The error is that of linear interpolation of the weights.
 
 use rayon::prelude::*;
-use xavatar_network::{Real, SkinningWeights, vectorised};
+use xavatar_network::{Real, SkinningWeights};
+use xavatar_vector::vectorised;
 
 use crate::affine::expect_finite_bones;
 use crate::baked_warp::Spare;

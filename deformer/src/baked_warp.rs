@@ -4,7 +4,8 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use xavatar_network::{Real, vectorised};
+use xavatar_network::Real;
+use xavatar_vector::vectorised;
 
 use crate::affine::apply;
 use crate::skinning::jacobian_from_slopes;

@@ -3,7 +3,8 @@
 //! Only unfinished starts are evaluated: a finished one leaves the active set at once and the next waiting one takes
 //! its place, so the field always sees full batches. A start's result does not depend on its companions.
 
-use xavatar_network::{Real, vectorised};
+use xavatar_network::Real;
+use xavatar_vector::vectorised;
 
 use crate::affine::{apply, inverse, rotation};
 use crate::broyden_lanes::{LANES, Pack, Status};

@@ -5,7 +5,8 @@
 //! N points, J bones, k an axis; weights (N, J), their gradients (N, 3, J) as fields give them. Metres.
 //! Cotangents, named `*_cotangents`, are added to: zero them first. Kernels are serial; callers work in row blocks.
 
-use xavatar_network::{Real, vectorised};
+use xavatar_network::Real;
+use xavatar_vector::vectorised;
 
 use crate::affine::apply;
 use crate::error::{expect_length, expect_weights};

@@ -4,7 +4,8 @@
 //! w(x) = sum_k share_k(x) w_k, trilinear. P logits in all, in the order of the nodes; R nodes, J bones; metres.
 
 use rayon::prelude::*;
-use xavatar_network::{Real, SkinningWeights, vectorised};
+use xavatar_network::{Real, SkinningWeights};
+use xavatar_vector::vectorised;
 
 use crate::error::expect_length;
 use crate::{BakedWeights, Error, Grid, Result, SparseWeights, StartGroups};

@@ -26,9 +26,9 @@ use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels};
 use crate::config::{Config, SkinningSettings};
 use crate::fields::{CONDITION, Fields, Skinning, condition};
 use crate::mesh::{Colouring, Component, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
-use crate::tensor_file::TensorFile;
 use crate::train::{insert_parameters, load_parameters, load_voxels};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
+use xavatar_formats::TensorFile;
 
 /// Version of the file's layout.
 const VERSION: u32 = 2;
@@ -90,7 +90,7 @@ impl Avatar {
             ("subject".into(), serde_json::to_string(&self.subject).unwrap_or_default()),
             ("steps".into(), self.steps.to_string()),
         ]);
-        file.write(path)
+        Ok(file.write(path)?)
     }
 
     /// Reads an avatar file, or the one in a run folder.
@@ -100,28 +100,30 @@ impl Avatar {
     pub fn load(path: &Path) -> Result<Self> {
         let path: PathBuf = if path.is_dir() { path.join(Self::FILE) } else { path.into() };
         if !path.exists() {
-            return Err(Error::Missing {
+            return Err(Error::from(InputError::Missing {
                 path,
                 what: "avatar".into(),
                 remedy: "pass an avatar.safetensors or the folder of a finished run".into(),
-            });
+            }));
         }
         let file = TensorFile::read(&path)?;
         let version: u32 = file.parsed(&path, "version")?;
         if version != VERSION {
-            return Err(Error::Mismatch {
+            return Err(Error::from(InputError::Mismatch {
                 path,
                 found: format!("an avatar file of version {version}"),
                 expected: format!("version {VERSION}"),
                 remedy: "train it again, or use the program that wrote it".into(),
-            });
+            }));
         }
-        let malformed = |place: &str, found: String| Error::Malformed {
-            path: path.clone(),
-            format: "avatar",
-            place: format!("metadata `{place}`"),
-            found,
-            expected: "what this program writes".into(),
+        let malformed = |place: &str, found: String| {
+            Error::from(InputError::Malformed {
+                path: path.clone(),
+                format: "avatar",
+                place: format!("metadata `{place}`"),
+                found,
+                expected: "what this program writes".into(),
+            })
         };
         let config: Config =
             toml::from_str(file.text(&path, "config")?).map_err(|error| malformed("config", error.to_string()))?;

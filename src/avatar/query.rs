@@ -11,7 +11,7 @@ use super::shading::{Posing, shades};
 use super::{Avatar, BLOCK_ROWS, arrays};
 use crate::body::{BodyParameters, JOINTS};
 use crate::fields::condition;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// What the fields say of one canonical point.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,11 +34,11 @@ impl Avatar {
     /// [`Error::Value`] for a point that is not finite.
     pub fn query(&self, points: &[Vec3], parameters: &BodyParameters) -> Result<Vec<Sample>> {
         if let Some(point) = points.iter().find(|point| !point.is_finite()) {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: "a point to query".into(),
                 found: point.to_string(),
                 expected: "finite coordinates".into(),
-            });
+            }));
         }
         let network = &self.fields.geometry.mlp;
         let embedded = network.embed(&condition(parameters));

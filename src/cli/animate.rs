@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
 use xavatar::body::BodyParameters;
-use xavatar::input_file::{read_bytes, read_text};
+use xavatar::formats::{read_bytes, read_text};
 
 use super::extract::MeshFormat;
 use super::inputs::load_body;

@@ -9,13 +9,11 @@ use serde::Serialize;
 use xavatar::avatar::{Avatar, Subject};
 use xavatar::body::{BodyModel, Gender, PartLabels};
 use xavatar::config::Config;
-use xavatar::data::{
-    Array, ArrayMap, Clip, Motion, MotionOptions, Value, read_motion, read_npy, read_npz, read_pickle,
-    read_pickle_arrays,
-};
+use xavatar::data::{Clip, Motion, MotionOptions, read_motion};
 use xavatar::fields::FIELD_NAMES;
+use xavatar::formats::Shown;
+use xavatar::formats::{Array, ArrayMap, Value, read_npy, read_npz, read_pickle, read_pickle_arrays};
 use xavatar::mesh::{Colouring, Topology, read_mesh};
-use xavatar::shown::Shown;
 
 use super::Outcome;
 use super::json::JsonArgument;

@@ -9,7 +9,7 @@ use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{BodyModel, PartLabels};
 use xavatar::config::Config;
 use xavatar::evaluate::{Evaluation, FrameMetrics};
-use xavatar::input_file::read_text;
+use xavatar::formats::read_text;
 use xavatar::train::{Ending, Trainer, TrainingFrames, seconds_per_step};
 
 use super::inputs::{Split, SubjectFrames};

@@ -10,7 +10,7 @@ use anyhow::anyhow;
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use log::{Level, LevelFilter, Log, Metadata, Record};
 use serde::Serialize;
-use xavatar::shown::harmless;
+use xavatar::formats::harmless;
 
 /// How lines are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]

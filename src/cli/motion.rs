@@ -8,7 +8,8 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
 use xavatar::data::{Clip, HandConvention, MotionOptions, RestPose, Translation, UpAxis};
-use xavatar::input_file::read_text;
+use xavatar::formats::read_text;
+use xavatar::synthetic::load_clip;
 
 /// What the user declares about a motion, and what is to be made of it.
 #[derive(Clone, Debug, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -75,7 +76,7 @@ struct FrameRange(usize, Option<usize>);
 impl MotionArguments {
     /// Reads a motion for an avatar, and tells what was detected, declared and changed.
     pub fn load(&self, motion: &Path, avatar: &Avatar) -> anyhow::Result<Clip> {
-        let clip = Clip::load(motion, &self.options(avatar)?)?;
+        let clip = load_clip(motion, &self.options(avatar)?)?;
         clip.report.iter().for_each(|line| log::info!("{line}"));
         Ok(clip)
     }

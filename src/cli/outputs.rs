@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use xavatar::shown::harmless;
+use xavatar::formats::harmless;
 
 /// Makes the folder, which may be there but must be empty.
 pub fn new_folder(folder: &Path, remedy: &str) -> anyhow::Result<()> {

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
-use xavatar::shown::Shown;
+use xavatar::formats::Shown;
 use xavatar::train::{Event, Observer, Stage, StepRecord};
 
 use super::messages::{self, BARS, ProgressLine};

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{BodyModel, PartLabels};
-use xavatar::mannequin::BuiltInSubject;
+use xavatar::synthetic::BuiltInSubject;
 use xavatar::view::{Server, Site};
 
 use super::inputs::load_body;
@@ -28,7 +28,7 @@ pub struct View {
     #[arg(long, value_name = "BODY")]
     body: Option<PathBuf>,
     /// The motion that the page plays: any that `animate` takes
-    #[arg(long, value_name = "MOTION", default_value = xavatar::data::Clip::DANCE)]
+    #[arg(long, value_name = "MOTION", default_value = xavatar::synthetic::DANCE)]
     motion: PathBuf,
     /// Port to listen on; 0 for any that is free
     #[arg(long, value_name = "PORT", default_value_t = 8383)]

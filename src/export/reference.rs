@@ -14,7 +14,7 @@ use super::skeleton::{joint_poses, rotations, skeleton};
 use crate::avatar::{Avatar, FixedTopology};
 use crate::body::{BodyModel, BodyParameters, JOINTS};
 use crate::mesh::TriangleMesh;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// Rows a thread evaluates at a time.
 const BLOCK_ROWS: usize = 256;
@@ -159,10 +159,10 @@ fn require_own_body(avatar: &Avatar, body: &BodyModel) -> Result<()> {
     if farthest < SAME_JOINT {
         return Ok(());
     }
-    Err(Error::Mismatch {
+    Err(Error::from(InputError::Mismatch {
         path: body.path().into(),
         found: format!("a body model whose joints are up to {:.1} mm from the avatar's", 1000.0 * farthest),
         expected: "the model that the avatar was trained with".into(),
         remedy: format!("pass that model, of gender {}, or none", avatar.subject.gender),
-    })
+    }))
 }

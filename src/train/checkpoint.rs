@@ -10,8 +10,8 @@ use xavatar_network::Adam;
 
 use crate::body::JOINTS;
 use crate::fields::{FIELD_NAMES, Fields, Skinning};
-use crate::tensor_file::TensorFile;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
+use xavatar_formats::TensorFile;
 
 const FOLDER: &str = "checkpoints";
 const BEST: &str = "best.safetensors";
@@ -103,7 +103,7 @@ impl State {
     /// Writes a checkpoint, then removes all but the newest `kept` and the best. Returns its path.
     pub fn save(&mut self, run: &Path, kept: usize) -> Result<PathBuf> {
         let folder = run.join(FOLDER);
-        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+        std::fs::create_dir_all(&folder).map_err(InputError::io(&folder))?;
         let best = self.progress.running_loss < self.progress.best_loss;
         self.progress.best_loss = self.progress.best_loss.min(self.progress.running_loss);
         let file = self.to_file();
@@ -114,7 +114,7 @@ impl State {
             file.write(&folder.join(BEST))?;
         }
         for old in checkpoints(run)?.into_iter().skip(kept) {
-            std::fs::remove_file(&old).map_err(Error::io(&old))?;
+            std::fs::remove_file(&old).map_err(InputError::io(&old))?;
         }
         Ok(path)
     }
@@ -123,12 +123,12 @@ impl State {
 fn stored_vector(file: &TensorFile, path: &Path, name: &str, length: usize) -> Result<Vec<f32>> {
     match file.tensors.get(name) {
         Some((_, values)) if values.len() == length => Ok(values.clone()),
-        other => Err(Error::Mismatch {
+        other => Err(Error::from(InputError::Mismatch {
             path: path.into(),
             found: other.map_or(format!("no {name}"), |(shape, _)| format!("{name} of shape {shape:?}")),
             expected: format!("{length} entries"),
             remedy: "resume with the configuration that the run was started with".into(),
-        }),
+        })),
     }
 }
 
@@ -139,8 +139,8 @@ pub(super) fn checkpoints(run: &Path) -> Result<Vec<PathBuf>> {
         return Ok(Vec::new());
     }
     let mut paths = Vec::new();
-    for entry in std::fs::read_dir(&folder).map_err(Error::io(&folder))? {
-        let entry = entry.map_err(Error::io(&folder))?;
+    for entry in std::fs::read_dir(&folder).map_err(InputError::io(&folder))? {
+        let entry = entry.map_err(InputError::io(&folder))?;
         let name = entry.file_name().to_string_lossy().into_owned();
         if name.starts_with("step-") && name.ends_with(".safetensors") {
             paths.push(entry.path());
@@ -176,12 +176,14 @@ pub(crate) fn insert_parameters(file: &mut TensorFile, fields: &Fields<f32>) {
 
 /// A skinning field on a grid as [`insert_parameters`] stored it in the file at `path`.
 pub(crate) fn load_voxels(file: &TensorFile, path: &Path) -> Result<VoxelSkinning<f32>> {
-    let broken = |name: &str| Error::Malformed {
-        path: path.into(),
-        format: "avatar",
-        place: format!("tensor `{name}`"),
-        found: file.tensors.get(name).map_or("none".into(), |(shape, _)| format!("shape {shape:?}")),
-        expected: "the grid, bones and logits of one skinning field".into(),
+    let broken = |name: &str| {
+        Error::from(InputError::Malformed {
+            path: path.into(),
+            format: "avatar",
+            place: format!("tensor `{name}`"),
+            found: file.tensors.get(name).map_or("none".into(), |(shape, _)| format!("shape {shape:?}")),
+            expected: "the grid, bones and logits of one skinning field".into(),
+        })
     };
     let values = |name: &str| file.tensors.get(name).map(|(_, values)| values.as_slice()).ok_or_else(|| broken(name));
     let axis = |name: &str| Ok::<_, Error>(Axis::new(values(name)?.to_vec())?);
@@ -210,11 +212,11 @@ pub(crate) fn load_parameters(file: &TensorFile, fields: &mut Fields<f32>) -> Re
     if let Skinning::Voxels(voxels) = &mut fields.skinning {
         let stored = file.tensors.get(LOGITS).map(|(_, logits)| logits.as_slice()).unwrap_or_default();
         if stored.len() != voxels.parameters().len() {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: format!("the stored tensor `{LOGITS}`"),
                 found: format!("{} entries", stored.len()),
                 expected: format!("{}", voxels.parameters().len()),
-            });
+            }));
         }
         voxels.update(|logits| logits.copy_from_slice(stored));
     }

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use super::http::{Refusal, Request, Response, Status, linger, read_request};
 use super::origin::Names;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// Connections that are served at a time; each costs a thread that mostly waits.
 const WORKERS: usize = 32;
@@ -56,13 +56,14 @@ impl Server {
     /// [`Error::Value`] naming host and port if nobody can listen there.
     pub fn bind(host: &str, port: u16) -> Result<Self> {
         let bound = TcpListener::bind((host, port));
-        let (listener, address) = bound
-            .and_then(|listener| listener.local_addr().map(|address| (listener, address)))
-            .map_err(|error| Error::Value {
-            name: "the address to serve on".into(),
-            found: format!("{host} port {port}: {error}"),
-            expected: "an address of this machine and a free port (--host, --port)".into(),
-        })?;
+        let (listener, address) =
+            bound.and_then(|listener| listener.local_addr().map(|address| (listener, address))).map_err(|error| {
+                Error::from(InputError::Value {
+                    name: "the address to serve on".into(),
+                    found: format!("{host} port {port}: {error}"),
+                    expected: "an address of this machine and a free port (--host, --port)".into(),
+                })
+            })?;
         Ok(Self { listener, address, names: Names::new(host), stopped: Arc::default() })
     }
 
