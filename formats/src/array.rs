@@ -128,7 +128,7 @@ impl ArrayData {
 
 #[cfg(test)]
 mod tests {
-    use crate::*;
+    use super::*;
 
     #[test]
     fn indices_outside_the_table_are_not_indices() {

@@ -92,7 +92,7 @@ impl Budget {
 
 #[cfg(test)]
 mod tests {
-    use crate::*;
+    use super::*;
 
     const KIB: usize = 1 << 10;
 

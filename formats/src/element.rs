@@ -222,7 +222,7 @@ fn row_major(shape: &[usize], size: usize, column_major: &[u8], budget: &Budget)
 
 #[cfg(test)]
 mod tests {
-    use crate::*;
+    use super::*;
 
     fn array(element: &str, shape: &[usize], fortran_order: bool, bytes: &[u8]) -> Result<Array, Fault> {
         ElementType::parse(element)?.array(shape.to_vec(), fortran_order, bytes, &Budget::of_file(bytes.len()))

@@ -67,7 +67,7 @@ pub fn read_text(path: &Path) -> Result<String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::*;
+    use super::*;
 
     #[test]
     fn files_are_read_and_folders_refused_by_name() {

@@ -77,7 +77,7 @@ fn steers(character: char) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use crate::*;
+    use super::*;
 
     const HOSTILE: &str = "a\u{1b}]0;title\u{7}\u{1b}[2J\r\n\tb\u{9b}31m\u{7f}\u{202e}é";
 

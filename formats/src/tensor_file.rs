@@ -107,7 +107,7 @@ impl TensorFile {
 
 #[cfg(test)]
 mod tests {
-    use crate::*;
+    use super::*;
 
     fn sample() -> TensorFile {
         TensorFile {
