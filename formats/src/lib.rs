@@ -21,6 +21,7 @@ mod element;
 mod error;
 mod fault;
 mod input_file;
+mod jpeg;
 mod npy;
 mod npz;
 mod pickle;
