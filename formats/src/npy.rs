@@ -31,7 +31,10 @@ pub fn read_npy(path: impl AsRef<Path>) -> Result<Array> {
 }
 
 /// The array of an npy file's bytes.
-pub(crate) fn parse_npy(bytes: &[u8]) -> std::result::Result<Array, Fault> {
+///
+/// # Errors
+/// As [`read_npy`], without the file's name.
+pub fn parse_npy(bytes: &[u8]) -> std::result::Result<Array, Fault> {
     NpyFile::parse(bytes)?.array(&Budget::of_file(bytes.len()))
 }
 

@@ -14,7 +14,7 @@ use crate::budget::Budget;
 use crate::fault::Fault;
 use crate::input_file::read_bytes;
 use crate::npy::{NpyFile, npy_bytes};
-use crate::pickle::{flatten, parse_pickle};
+use crate::pickle::{flatten, interpret};
 use crate::{ArrayMap, Error, Result};
 
 const FORMAT: &str = "npz archive";
@@ -33,7 +33,10 @@ pub fn read_npz(path: impl AsRef<Path>) -> Result<ArrayMap> {
 }
 
 /// The arrays of an npz file's bytes.
-pub(crate) fn parse_npz(bytes: &[u8]) -> std::result::Result<ArrayMap, Fault> {
+///
+/// # Errors
+/// As [`read_npz`], without the file's name.
+pub fn parse_npz(bytes: &[u8]) -> std::result::Result<ArrayMap, Fault> {
     let broken = |error: zip::result::ZipError| Fault::malformed("zip directory", error, "a zip archive");
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(broken)?;
     if archive.has_overlapping_entries().map_err(broken)? {
@@ -72,7 +75,7 @@ fn unpack(mut member: impl Read, size: usize, budget: &Budget) -> std::result::R
 fn insert_member(arrays: &mut ArrayMap, name: &str, member: &[u8], budget: &Budget) -> std::result::Result<(), Fault> {
     let npy = NpyFile::parse(member)?;
     if npy.is_objects() {
-        flatten(name, parse_pickle(npy.data, budget)?, budget, arrays)
+        flatten(name, interpret(npy.data, budget)?, budget, arrays)
     } else if npy.element.is_text() && npy.shape.iter().any(|&extent| extent != 1) {
         Ok(())
     } else {

@@ -12,7 +12,7 @@ use zip::{CompressionMethod, ZipArchive};
 use crate::budget::Budget;
 use crate::fault::Fault;
 use crate::input_file::read_bytes;
-use crate::pickle::{Storages, parse_pickle_with_tensors};
+use crate::pickle::{Storages, interpret_with_tensors};
 use crate::{Error, Result, Value};
 
 const FORMAT: &str = "PyTorch file";
@@ -42,7 +42,10 @@ pub fn read_torch(path: impl AsRef<Path>) -> Result<Value> {
 }
 
 /// What the bytes of a PyTorch archive hold.
-pub(crate) fn parse_torch(bytes: &[u8]) -> std::result::Result<Value, Fault> {
+///
+/// # Errors
+/// As [`read_torch`], without the file's name.
+pub fn parse_torch(bytes: &[u8]) -> std::result::Result<Value, Fault> {
     if !bytes.starts_with(ZIP) {
         return Err(Fault::malformed("byte 0", "something else", "a zip archive, as torch.save writes it"));
     }
@@ -59,7 +62,7 @@ pub(crate) fn parse_torch(bytes: &[u8]) -> std::result::Result<Value, Fault> {
             .collect(),
         big_endian: members.get(&format!("{folder}byteorder")).is_some_and(|order| *order == b"big"),
     };
-    parse_pickle_with_tensors(pickle, &storages, &Budget::of_file(bytes.len()))
+    interpret_with_tensors(pickle, &storages, &Budget::of_file(bytes.len()))
         .map_err(|fault| fault.within("data.pkl"))
 }
 

@@ -40,8 +40,7 @@ const FORMAT: &str = "pickle";
 /// `os.system`; [`Error::Malformed`](crate::Error::Malformed) names the byte offset where a pickle breaks off or goes wrong.
 pub fn read_pickle(path: impl AsRef<Path>) -> Result<Value> {
     let path = path.as_ref();
-    let bytes = read_bytes(path)?;
-    parse_pickle(&bytes, &Budget::of_file(bytes.len())).map_err(|fault| fault.in_file(path, FORMAT))
+    parse_pickle(&read_bytes(path)?).map_err(|fault| fault.in_file(path, FORMAT))
 }
 
 /// Reads a pickled dict of arrays, as body models and frames are stored.
@@ -56,10 +55,21 @@ pub fn read_pickle_arrays(path: impl AsRef<Path>) -> Result<ArrayMap> {
     parse_pickle_arrays(&read_bytes(path)?).map_err(|fault| fault.in_file(path, FORMAT))
 }
 
+/// The data of a pickle's bytes.
+///
+/// # Errors
+/// As [`read_pickle`], without the file's name.
+pub fn parse_pickle(bytes: &[u8]) -> std::result::Result<Value, Fault> {
+    interpret(bytes, &Budget::of_file(bytes.len()))
+}
+
 /// The arrays of a pickled dict's bytes.
-pub(super) fn parse_pickle_arrays(bytes: &[u8]) -> std::result::Result<ArrayMap, Fault> {
+///
+/// # Errors
+/// As [`read_pickle_arrays`], without the file's name.
+pub fn parse_pickle_arrays(bytes: &[u8]) -> std::result::Result<ArrayMap, Fault> {
     let budget = Budget::of_file(bytes.len());
-    let value = parse_pickle(bytes, &budget)?;
+    let value = interpret(bytes, &budget)?;
     if !matches!(value, Value::Dict(_)) {
         return Err(Fault::malformed("top level", value.kind(), "a dict of arrays"));
     }
@@ -68,13 +78,13 @@ pub(super) fn parse_pickle_arrays(bytes: &[u8]) -> std::result::Result<ArrayMap,
     Ok(arrays)
 }
 
-/// Interprets the bytes of a pickle.
-pub(super) fn parse_pickle(bytes: &[u8], budget: &Budget) -> std::result::Result<Value, Fault> {
+/// Interprets the bytes of a pickle that stands in a larger file.
+pub(super) fn interpret(bytes: &[u8], budget: &Budget) -> std::result::Result<Value, Fault> {
     machine::Machine::new(bytes, None, budget).run()
 }
 
 /// Interprets the pickle of an archive whose tensors' numbers are in `storages`.
-pub(super) fn parse_pickle_with_tensors(
+pub(super) fn interpret_with_tensors(
     bytes: &[u8],
     storages: &Storages<'_>,
     budget: &Budget,
