@@ -102,7 +102,7 @@ impl Avatar {
     /// If the file is missing, broken, of another version, or its parameters do not fit its configuration.
     pub fn load(path: &Path) -> Result<Self> {
         let path: PathBuf = if path.is_dir() { path.join(Self::FILE) } else { path.into() };
-        if !path.is_file() {
+        if !path.exists() {
             return Err(Error::from(InputError::Missing {
                 path,
                 what: "avatar".into(),

@@ -15,6 +15,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use xavatar_deformer::SearchSettings;
+use xavatar_formats::read_text;
 use xavatar_network::Representation;
 
 use crate::{Error, InputError, Result};
@@ -86,7 +87,7 @@ impl Config {
     /// # Errors
     /// [`InputError::Io`] or [`InputError::Malformed`], naming the file.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(InputError::io(path))?;
+        let text = read_text(path)?;
         let config: Self = toml::from_str(&text).map_err(|error| malformed(path, &error))?;
         config.check()?;
         Ok(config)
