@@ -5,8 +5,9 @@
 use std::time::Instant;
 
 use glam::Vec3;
+use xavatar::mesh::camera::{FRONT, PinholeCamera};
 use xavatar::mesh::{Colouring, TriangleMesh};
-use xavatar::render::{Camera, FRONT, Scene, View, render_depth, render_rgbd};
+use xavatar::render::{Scene, View, render_depth, render_rgbd};
 
 const REPETITIONS: usize = 15;
 const SIDE: u32 = 1024;
@@ -17,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mesh = body();
     let low = mesh.vertices.iter().copied().fold(Vec3::MAX, Vec3::min);
     let high = mesh.vertices.iter().copied().fold(Vec3::MIN, Vec3::max);
-    let camera = Camera::framing(low, high, FRONT, SIDE, SIDE)?;
+    let camera = PinholeCamera::framing(low, high, FRONT, SIDE, SIDE)?;
     println!("{} faces, {SIDE} x {SIDE} pixels, {threads} threads", mesh.faces.len());
     println!("{:>26} {:>9} {:>9}", "", "least ms", "median ms");
     let scene = Scene::new(&mesh)?;
@@ -35,7 +36,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn measure(name: &str, mut work: impl FnMut() -> xavatar::Result<()>) -> xavatar::Result<()> {
+fn measure(name: &str, mut work: impl FnMut() -> xavatar::formats::Result<()>) -> xavatar::formats::Result<()> {
     work()?;
     let mut times = Vec::new();
     for _ in 0..REPETITIONS {

@@ -8,9 +8,9 @@
 use std::path::{Path, PathBuf};
 
 use xavatar::body::{BodyModel, BodyParameters, JOINT_NAMES, PartLabels};
-use xavatar::data::{Array, write_npz};
-use xavatar::mannequin::BuiltInSubject;
+use xavatar::formats::{Array, write_npz};
 use xavatar::mesh::write_ply;
+use xavatar::synthetic::BuiltInSubject;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let out = PathBuf::from(std::env::args().nth(1).ok_or("give a .ply to write")?);

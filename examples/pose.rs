@@ -8,8 +8,8 @@ use std::path::PathBuf;
 use glam::Vec3;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
 use xavatar::body::{BodyParameters, JOINT_NAMES, PoseAxisAngle};
-use xavatar::mannequin::BuiltInSubject;
 use xavatar::mesh::write_ply;
+use xavatar::synthetic::BuiltInSubject;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1).map(PathBuf::from);

@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 
 use xavatar::avatar::Avatar;
 use xavatar::config::Config;
-use xavatar::mannequin::{BuiltInSubject, Split};
+use xavatar::synthetic::{BuiltInSubject, Split};
 use xavatar::train::{Event, Stage, Trainer, TrainingFrames};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

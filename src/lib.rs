@@ -39,12 +39,12 @@
 //!
 //! # Trying it
 //!
-//! [`mannequin::BuiltInSubject`] needs no data. `examples/` trains, poses and queries it; the shortest of them:
+//! [`synthetic::BuiltInSubject`] needs no data. `examples/` trains, poses and queries it; the shortest of them:
 //!
 //! ```no_run
 //! use xavatar::avatar::{Animator, Avatar};
 //! use xavatar::body::BodyParameters;
-//! use xavatar::mannequin::BuiltInSubject;
+//! use xavatar::synthetic::BuiltInSubject;
 //!
 //! let avatar = Avatar::load("runs/demo".as_ref())?;
 //! let subject = BuiltInSubject::new()?;
@@ -56,25 +56,23 @@
 //!
 //! Points and joints are in metres, rotations in radians, Y is up and the subject faces +Z.
 
-mod atomic_file;
 pub mod avatar;
-pub mod body;
-pub mod camera;
 pub mod config;
-pub mod data;
 mod error;
 pub mod evaluate;
 pub mod export;
 pub mod fields;
-pub mod filming;
 pub mod machine;
-pub mod mannequin;
-pub mod mesh;
-mod picture_file;
-pub mod render;
 pub mod report;
-mod tensor_file;
+pub mod synthetic;
 pub mod train;
 pub mod view;
 
+pub use xavatar_body as body;
+pub use xavatar_data as data;
+pub use xavatar_formats as formats;
+pub use xavatar_mesh as mesh;
+pub use xavatar_render as render;
+
 pub use error::{Error, Result};
+pub use xavatar_formats::Error as InputError;

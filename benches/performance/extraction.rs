@@ -6,7 +6,7 @@ use xavatar::avatar::{Animator, FixedTopology};
 use xavatar::body::BodyModel;
 use xavatar::config::Config;
 use xavatar::machine::Seconds;
-use xavatar::mannequin::{BuiltInSubject, Split};
+use xavatar::synthetic::{BuiltInSubject, Split};
 use xavatar::train::{Trainer, TrainingFrames};
 
 use crate::report::Report;

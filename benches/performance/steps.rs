@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use xavatar::config::Config;
 use xavatar::machine::Seconds;
-use xavatar::mannequin::{BuiltInSubject, Split};
+use xavatar::synthetic::{BuiltInSubject, Split};
 use xavatar::train::{Event, Observer, Stage, Trainer, TrainingFrames};
 
 use crate::report::Report;

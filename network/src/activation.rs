@@ -5,7 +5,7 @@
 //! instruction set found at run time; absolute error of softplus below 2e-8. In f64 they are the standard library's.
 
 use crate::Real;
-use crate::instructions::vectorised;
+use xavatar_vector::vectorised;
 
 /// Sharpness of the softplus.
 pub(crate) const SHARPNESS: f64 = 100.0;

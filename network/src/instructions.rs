@@ -1,27 +1,4 @@
-//! Which vector instructions the kernels use on this machine: chosen once, when the program runs.
-
-use std::sync::LazyLock;
-
-static ARCH: LazyLock<pulp::Arch> = LazyLock::new(pulp::Arch::new);
-
-/// Runs `pass` compiled for the widest vector instructions of this machine. `pass` must inline, or it is compiled for any machine.
-#[inline(always)]
-pub fn vectorised<R>(pass: impl FnOnce() -> R) -> R {
-    ARCH.dispatch(pass)
-}
-
-/// The instructions of the passes over rows (activations, softmax, grids): what the `pulp` crate finds.
-pub fn pass_instructions() -> &'static str {
-    match *ARCH {
-        #[cfg(target_arch = "x86_64")]
-        pulp::Arch::V4(_) => "AVX-512",
-        #[cfg(target_arch = "x86_64")]
-        pulp::Arch::V3(_) => "AVX2 with FMA",
-        #[cfg(target_arch = "aarch64")]
-        pulp::Arch::Neon(_) => "NEON",
-        _ => "none",
-    }
-}
+//! Which vector instructions the matrix products use on this machine.
 
 /// The instructions of the matrix products: what the `gemm` crate chooses.
 pub fn product_instructions() -> &'static str {
@@ -40,6 +17,8 @@ pub fn product_instructions() -> &'static str {
 
 #[cfg(test)]
 mod tests {
+    use xavatar_vector::pass_instructions;
+
     use super::*;
 
     // Both choose the widest that there is; a machine with AVX-512F alone would be the exception.

@@ -55,7 +55,7 @@ mod tree_softmax;
 pub use encoding::{Bounds, EncodingShape, HashGridShape};
 pub use error::{Error, Result};
 pub use geometry::{GeometryField, GeometryShape, Representation};
-pub use instructions::{pass_instructions, product_instructions, vectorised};
+pub use instructions::product_instructions;
 pub use matmul::matrix_product;
 pub use mlp::{Backward, Mlp, MlpGradient, MlpShape, SummedGradient, Trace};
 pub use optimiser::{Adam, AdamSettings, NetworkUpdate, ParameterGroup, clipping_factor};

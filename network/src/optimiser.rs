@@ -8,8 +8,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::Real;
-use crate::instructions::vectorised;
 use crate::mlp::{Mlp, SummedGradient, for_each_touched};
+use xavatar_vector::vectorised;
 
 /// The constants of [`Adam`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -6,10 +6,10 @@
 use rand::Rng;
 
 use crate::encoding::EncodingShape;
-use crate::instructions::vectorised;
 use crate::mlp::{Backward, Mlp, MlpGradient, MlpShape, Trace};
 use crate::tree_softmax::{Dual, Flow, KinematicTree, LANES, Lanes, Scalar};
 use crate::{Error, Real, Result};
+use xavatar_vector::vectorised;
 
 /// Anything that gives every canonical point a convex combination of J bones.
 ///

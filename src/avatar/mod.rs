@@ -24,8 +24,8 @@ use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels};
 use crate::config::Config;
 use crate::fields::{CONDITION, FieldEvaluator, Fields, Shade, condition};
 use crate::mesh::{Colouring, Component, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
-use crate::tensor_file::TensorFile;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
+use xavatar_formats::TensorFile;
 
 /// Version of the file's layout.
 const VERSION: u32 = 2;
@@ -81,11 +81,14 @@ impl Avatar {
         self.fields.insert_into(&mut file);
         file.text = HashMap::from([
             ("version".into(), VERSION.to_string()),
-            ("config".into(), self.config.to_toml()),
-            ("subject".into(), serde_json::to_string(&self.subject).unwrap_or_default()),
+            ("config".into(), self.config.to_toml()?),
+            (
+                "subject".into(),
+                serde_json::to_string(&self.subject).map_err(|error| InputError::io(path)(error.into()))?,
+            ),
             ("steps".into(), self.steps.to_string()),
         ]);
-        file.write(path)
+        Ok(file.write(path)?)
     }
 
     /// Reads an avatar file, or the one in a run folder.
@@ -94,29 +97,31 @@ impl Avatar {
     /// If the file is missing, broken, of another version, or its parameters do not fit its configuration.
     pub fn load(path: &Path) -> Result<Self> {
         let path: PathBuf = if path.is_dir() { path.join(Self::FILE) } else { path.into() };
-        if !path.is_file() {
-            return Err(Error::Missing {
+        if !path.exists() {
+            return Err(Error::from(InputError::Missing {
                 path,
                 what: "avatar".into(),
                 remedy: "pass an avatar.safetensors or the folder of a finished run".into(),
-            });
+            }));
         }
         let file = TensorFile::read(&path)?;
         let version: u32 = file.parsed(&path, "version")?;
         if version != VERSION {
-            return Err(Error::Mismatch {
+            return Err(Error::from(InputError::Mismatch {
                 path,
                 found: format!("an avatar file of version {version}"),
                 expected: format!("version {VERSION}"),
                 remedy: "train it again, or use the program that wrote it".into(),
-            });
+            }));
         }
-        let malformed = |place: &str, found: String| Error::Malformed {
-            path: path.clone(),
-            format: "avatar",
-            place: format!("metadata `{place}`"),
-            found,
-            expected: "what this program writes".into(),
+        let malformed = |place: &str, found: String| {
+            Error::from(InputError::Malformed {
+                path: path.clone(),
+                format: "avatar",
+                place: format!("metadata `{place}`"),
+                found,
+                expected: "what this program writes".into(),
+            })
         };
         let config: Config =
             Config::parse(file.text(&path, "config")?).map_err(|error| malformed("config", error.to_string()))?;

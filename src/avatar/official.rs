@@ -11,10 +11,10 @@ use xavatar_network::{GeometryShape, Representation, TextureShape};
 use super::{Avatar, Subject};
 use crate::body::{BodyModel, Gender};
 use crate::config::{Config, SkinningSettings, SkinningShape};
-use crate::data::{Array, ArrayMap, Value, read_npz, read_torch};
 use crate::fields::{CONDITION, Fields, PerField, canonical_box};
-use crate::tensor_file::TensorFile;
-use crate::{Error, Result};
+use crate::formats::{Array, ArrayMap, Value, read_npz, read_torch};
+use crate::{Error, InputError, Result};
+use xavatar_formats::TensorFile;
 
 const CHECKPOINT: &str = "X-Avatar checkpoint";
 /// Factor on the skinning logits, fixed in the released code.
@@ -49,11 +49,13 @@ impl OfficialMeta {
     /// [`Error::Mismatch`] names the array that is missing or says something unknown.
     pub fn read(path: &Path) -> Result<Self> {
         let arrays = read_npz(path)?;
-        let refuse = |found: String, expected: &str| Error::Mismatch {
-            path: path.into(),
-            found,
-            expected: expected.into(),
-            remedy: "pass the meta_info.npz that lies beside the checkpoint".into(),
+        let refuse = |found: String, expected: &str| {
+            Error::from(InputError::Mismatch {
+                path: path.into(),
+                found,
+                expected: expected.into(),
+                remedy: "pass the meta_info.npz that lies beside the checkpoint".into(),
+            })
         };
         let text = |key: &str| {
             let text = arrays.get(key).and_then(Array::text);
@@ -261,11 +263,11 @@ impl Networks {
     }
 
     fn refuse(&self, found: String, expected: &str) -> Error {
-        Error::Mismatch {
+        Error::from(InputError::Mismatch {
             path: self.path.clone(),
             found,
             expected: expected.into(),
             remedy: format!("pass an {CHECKPOINT} of a SMPL-X subject (.pth, or Lightning's .ckpt)"),
-        }
+        })
     }
 }

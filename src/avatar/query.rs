@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::{Avatar, arrays};
 use crate::body::{BodyParameters, JOINTS};
 use crate::fields::{FieldEvaluator, Shade, condition};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// What the fields say of one canonical point.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,11 +31,11 @@ impl Avatar {
     /// [`Error::Value`] for a point that is not finite.
     pub fn query(&self, points: &[Vec3], parameters: &BodyParameters) -> Result<Vec<Sample>> {
         if let Some(point) = points.iter().find(|point| !point.is_finite()) {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: "a point to query".into(),
                 found: point.to_string(),
                 expected: "finite coordinates".into(),
-            });
+            }));
         }
         let evaluator = FieldEvaluator::new(&self.fields, &condition(parameters));
         let canonical = arrays(points);

@@ -54,14 +54,14 @@ impl Check {
     fn check_scans(&self) -> anyhow::Result<CheckReport> {
         let opened = self.subject.open()?;
         let total = opened.subject.train.len() + opened.subject.test.len();
-        with_progress("scans", total, |done| check(&opened.subject, &opened.body, &opened.labels, done))
+        with_progress("scans", total, |done| Ok(check(&opened.subject, &opened.body, &opened.labels, done)?))
     }
 
     fn check_rgbd(&self) -> anyhow::Result<RgbdCheckReport> {
         let subject = RgbdSubject::open(&self.subject.data)?;
         let (body, labels) = load_body(&self.subject.body, subject.gender)?;
         let total = subject.train.len() + subject.test.len();
-        with_progress("pictures", total, |done| check_rgbd(&subject, &body, &labels, done))
+        with_progress("pictures", total, |done| Ok(check_rgbd(&subject, &body, &labels, done)?))
     }
 }
 

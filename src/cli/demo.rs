@@ -7,13 +7,14 @@ use anyhow::{Context, bail};
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{BodyModel, Gender};
 use xavatar::config::Config;
-use xavatar::data::{ScanFrame, write_npz, write_pickle, write_subject};
+use xavatar::data::{ScanFrame, write_subject};
 use xavatar::evaluate::{Evaluation, SmplxD};
-use xavatar::filming::{FilmedScans, Turntable};
-use xavatar::mannequin::{BuiltInSubject, FilmedTake, Split};
+use xavatar::formats::{write_npz, write_pickle};
 use xavatar::mesh::{TriangleMesh, write_ply};
 use xavatar::render::write_png;
 use xavatar::report::{Fact, REPORT_FILE, Report, machine};
+use xavatar::synthetic::{BuiltInSubject, FilmedTake, Split};
+use xavatar::synthetic::{FilmedScans, Turntable};
 use xavatar::train::{Ending, Trainer, TrainingFrames};
 
 use super::gallery::{Gallery, sheet_of_pictures};
@@ -252,7 +253,7 @@ fn write_data(folder: &Path, size: &Size) -> anyhow::Result<Outcome> {
     write_npz(body.join("SMPLX_NEUTRAL.npz"), subject.model_arrays())?;
     write_pickle(body.join("neutral_vertex_labels.pkl"), &subject.part_labels().to_vertex_labels())?;
     let (data, body) = (folder.display(), body.display());
-    println!("{data}");
+    outputs::print(&format!("{data}\n"))?;
     log::info!(
         "try next\n  xavatar check {data} --body {body}\n  xavatar train {data} --body {body} --out runs/mannequin --minutes 5"
     );

@@ -8,9 +8,9 @@ use clap::ValueEnum;
 use serde::Serialize;
 use xavatar::avatar::{Avatar, Extraction};
 use xavatar::body::BodyModel;
-use xavatar::data::Clip;
 use xavatar::export::{RigReport, Rigging, TextureReport, bake_texture, write_glb};
 use xavatar::mesh::{TriangleMesh, write_obj, write_ply};
+use xavatar::synthetic::DANCE;
 
 use super::json::JsonArgument;
 use super::motion::MotionArguments;
@@ -99,7 +99,7 @@ impl Export {
             Some(path) => Some(BodyModel::load(path, avatar.subject.gender)?),
             None => None,
         };
-        let motion = self.motion.as_deref().unwrap_or(Path::new(Clip::DANCE));
+        let motion = self.motion.as_deref().unwrap_or(Path::new(DANCE));
         let clip = self.options.load(motion, avatar)?;
         let rigging =
             Rigging { resolution: self.resolution, influences: self.influences, correctives: self.correctives };

@@ -6,8 +6,9 @@ use anyhow::bail;
 use serde::Serialize;
 use xavatar::avatar::{Avatar, Extraction};
 use xavatar::body::BodyModel;
-use xavatar::data::{Clip, MotionOptions, RestPose};
+use xavatar::data::{MotionOptions, RestPose};
 use xavatar::mesh::{FINEST_RESOLUTION, TriangleMesh, write_obj, write_ply};
+use xavatar::synthetic::load_clip;
 
 use super::inputs::load_body;
 use super::json::JsonArgument;
@@ -58,7 +59,7 @@ impl Extract {
             (Some(pose), Some(body)) => {
                 let (body, labels) = load_body(body, avatar.subject.gender)?;
                 let rest = RestPose::of_canonical(&avatar.subject.joints)?;
-                let clip = Clip::load(pose, &MotionOptions { rest, ..MotionOptions::default() })?;
+                let clip = load_clip(pose, &MotionOptions { rest, ..MotionOptions::default() })?;
                 let parameters = clip.frames.into_iter().next().unwrap_or_default();
                 avatar.extract_posed(&body, &labels, &parameters, self.resolution)?
             }
@@ -101,8 +102,8 @@ impl MeshFormat {
 
     pub fn write(self, path: &Path, mesh: &TriangleMesh) -> xavatar::Result<()> {
         match self {
-            Self::Ply => write_ply(path, mesh),
-            Self::Obj => write_obj(path, mesh),
+            Self::Ply => Ok(write_ply(path, mesh)?),
+            Self::Obj => Ok(write_obj(path, mesh)?),
         }
     }
 }

@@ -126,7 +126,7 @@ impl Fuse {
 }
 
 /// The chamfer distances of the table as lines.
-fn picture(table: &FusionTable) -> xavatar::Result<RgbImage> {
+fn picture(table: &FusionTable) -> xavatar::formats::Result<RgbImage> {
     let series = ["all", "hands", "face"].iter().enumerate().map(|(part, name)| Series {
         name: (*name).into(),
         points: table

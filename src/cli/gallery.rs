@@ -5,10 +5,11 @@ use std::path::Path;
 use glam::Vec3;
 use image::imageops::{FilterType, resize};
 use image::{Rgb, RgbImage};
-use xavatar::Result;
 use xavatar::data::{RgbdFrame, RgbdSource};
+use xavatar::formats::Result;
 use xavatar::mesh::TriangleMesh;
-use xavatar::render::{FRONT, Scene, THREE_QUARTER, Tile, View, contact_sheet, framing_row, write_png};
+use xavatar::mesh::camera::{FRONT, THREE_QUARTER, framing_row};
+use xavatar::render::{Scene, Tile, View, contact_sheet, write_png};
 
 /// Meshes that are pictured on one sheet, all at the same scale.
 pub struct Gallery {

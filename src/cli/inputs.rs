@@ -84,7 +84,7 @@ impl SubjectFrames {
     }
 
     /// The frame of this name (`split/sequence/number`), if there is one.
-    pub fn named(&self, name: &str) -> Option<xavatar::Result<ScanFrame>> {
+    pub fn named(&self, name: &str) -> Option<xavatar::formats::Result<ScanFrame>> {
         let index = self.ids.iter().position(|id| id.to_string() == name)?;
         Some(self.read(index))
     }
@@ -95,7 +95,7 @@ impl SubjectFrames {
     }
 
     /// All frames, one at a time.
-    pub fn iter(&self) -> impl Iterator<Item = xavatar::Result<ScanFrame>> {
+    pub fn iter(&self) -> impl Iterator<Item = xavatar::formats::Result<ScanFrame>> {
         (0..self.files.len()).map(|index| self.read(index))
     }
 }
@@ -105,7 +105,7 @@ impl FrameSource for SubjectFrames {
         &self.ids
     }
 
-    fn read(&self, index: usize) -> xavatar::Result<ScanFrame> {
+    fn read(&self, index: usize) -> xavatar::formats::Result<ScanFrame> {
         read_frame(&self.files[index], &self.betas)
     }
 

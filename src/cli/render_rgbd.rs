@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use serde::Serialize;
 use xavatar::data::{DepthFormat, RgbdLayout, RgbdSource, Subject, write_rgbd_subject};
-use xavatar::filming::{FilmedScans, Turntable};
+use xavatar::synthetic::{FilmedScans, Turntable};
 
 use super::inputs::SubjectFrames;
 use super::json::JsonArgument;

@@ -10,6 +10,7 @@ use xavatar::evaluate;
 use xavatar::export::{RiggedMesh, Rigging};
 use xavatar::mesh::TriangleMesh;
 use xavatar::report::{Fact, ShownFrame, closeup};
+use xavatar::synthetic::dance;
 
 use super::inputs::SubjectArguments;
 
@@ -20,7 +21,7 @@ const RIG_INFLUENCES: usize = 4;
 
 /// The avatar with the built-in dance for a report; none if it was trained so little that it has no surface.
 pub fn dancing_rig(avatar: &Avatar, body: &BodyModel) -> xavatar::Result<Option<RiggedMesh>> {
-    match rig(avatar, Some(body), &Clip::dance()) {
+    match rig(avatar, Some(body), &dance()) {
         Err(Error::NoSurface { .. }) => {
             log::warn!("the avatar has no surface yet, so the report cannot show it; train longer");
             Ok(None)

@@ -5,12 +5,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{BodyModel, PartLabels};
-use xavatar::mannequin::BuiltInSubject;
+use xavatar::synthetic::BuiltInSubject;
 use xavatar::view::{Server, Site};
 
 use super::inputs::load_body;
 use super::motion::MotionArguments;
-use super::{Outcome, report};
+use super::{Outcome, outputs, report};
 
 /// Play with an avatar in the browser
 #[derive(clap::Args)]
@@ -28,7 +28,7 @@ pub struct View {
     #[arg(long, value_name = "BODY")]
     body: Option<PathBuf>,
     /// The motion that the page plays: any that `animate` takes
-    #[arg(long, value_name = "MOTION", default_value = xavatar::data::Clip::DANCE)]
+    #[arg(long, value_name = "MOTION", default_value = xavatar::synthetic::DANCE)]
     motion: PathBuf,
     /// Port to listen on; 0 for any that is free
     #[arg(long, value_name = "PORT", default_value_t = 8383)]
@@ -72,7 +72,7 @@ impl View {
         if !address.ip().is_loopback() {
             log::warn!("everyone who reaches {address} can use this avatar; without --host only this machine does");
         }
-        println!("http://{address}/");
+        outputs::print(&format!("http://{address}/\n"))?;
         log::info!("open this page in a browser; Ctrl-C ends it");
         server.run(&site);
         Ok(Outcome::Done)

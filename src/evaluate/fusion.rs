@@ -9,7 +9,7 @@ use super::ablation::values;
 use super::metrics::{FrameMetrics, PartMetrics};
 use crate::body::Gender;
 use crate::data::{FrameId, RgbdFrame, RgbdSource};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// Half a degree of room, so that a frame at the end of a part of the turn is within it whatever the rounding.
 const ROUNDING: f64 = 0.5;
@@ -62,11 +62,11 @@ impl<'a> SomeFrames<'a> {
             chosen = (0..limit).map(|place| chosen[place * chosen.len() / limit]).collect();
         }
         if chosen.is_empty() {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: "frames to train on".into(),
                 found: "none".into(),
                 expected: "at least one".into(),
-            });
+            }));
         }
         Ok(Self { source, ids: chosen.iter().map(|frame| source.ids()[*frame].clone()).collect(), chosen })
     }
@@ -77,7 +77,7 @@ impl RgbdSource for SomeFrames<'_> {
         &self.ids
     }
 
-    fn read(&self, index: usize) -> Result<RgbdFrame> {
+    fn read(&self, index: usize) -> crate::formats::Result<RgbdFrame> {
         self.source.read(self.chosen[index])
     }
 
@@ -163,7 +163,7 @@ mod tests {
 
     use super::*;
     use crate::body::BodyParameters;
-    use crate::camera::PinholeCamera;
+    use crate::mesh::camera::PinholeCamera;
 
     /// Two sequences; in each the camera goes around by 30 degrees a frame, in the second backwards.
     struct Turns(Vec<FrameId>);
@@ -180,7 +180,7 @@ mod tests {
             &self.0
         }
 
-        fn read(&self, index: usize) -> Result<RgbdFrame> {
+        fn read(&self, index: usize) -> crate::formats::Result<RgbdFrame> {
             let id = self.0[index].clone();
             let step = if id.sequence == "Take1" { 30.0_f32 } else { -30.0 };
             let angle = (170.0 + step * id.number as f32).to_radians();

@@ -21,7 +21,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::body::{BodyModel, PartLabels, Registration};
 use crate::data::ScanFrame;
 use crate::mesh::TriangleMesh;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// What the predictions of a sequence are measured with.
 pub struct Evaluation<'a> {
@@ -47,7 +47,7 @@ impl Evaluation<'_> {
     /// The first error of `frames`, of `predict`, or of the comparison, with the frame named; [`Error::Value`] if there is no frame.
     pub fn run(
         &self,
-        frames: impl IntoIterator<Item = Result<ScanFrame>>,
+        frames: impl IntoIterator<Item = crate::formats::Result<ScanFrame>>,
         predict: impl Fn(&ScanFrame) -> Result<TriangleMesh>,
         mut progress: impl FnMut(&FrameReport),
     ) -> Result<Report> {
@@ -61,11 +61,11 @@ impl Evaluation<'_> {
             report.per_frame.push(measured);
         }
         if report.per_frame.is_empty() {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: "frames to evaluate".into(),
                 found: "none".into(),
                 expected: "at least one".into(),
-            });
+            }));
         }
         Ok(report)
     }

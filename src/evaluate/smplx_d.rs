@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::body::{BodyModel, BodyParameters, JOINTS, PosedBody};
 use crate::data::ScanFrame;
 use crate::mesh::{SurfaceIndex, TriangleMesh};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// The baseline's name in tables and on the command line's `--baseline`.
 pub const SMPLX_D: &str = "SMPLX+D";
@@ -31,12 +31,15 @@ impl<'a> SmplxD<'a> {
     /// # Errors
     /// The first error of `frames`; those of [`BodyModel::pose`] and [`SurfaceIndex::new`], with the frame named.
     /// [`Error::Value`] if there is no frame.
-    pub fn fit(body: &'a BodyModel, frames: impl IntoIterator<Item = Result<ScanFrame>>) -> Result<Self> {
+    pub fn fit(
+        body: &'a BodyModel,
+        frames: impl IntoIterator<Item = crate::formats::Result<ScanFrame>>,
+    ) -> Result<Self> {
         let mut offsets = vec![MeanOffset::default(); body.vertex_count()];
         let mut count = 0_usize;
         for frame in frames {
             let frame = frame?;
-            let in_frame = |error: Error| error.in_frame(frame.id.to_string());
+            let in_frame = |error: InputError| error.in_frame(frame.id.to_string());
             let posed = body.pose(&frame.parameters).map_err(in_frame)?;
             let scan = SurfaceIndex::new(&frame.scan).map_err(in_frame)?;
             let blends = blended_transforms(body, &posed);
@@ -48,11 +51,11 @@ impl<'a> SmplxD<'a> {
             count += 1;
         }
         if count == 0 {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: format!("training frames of {SMPLX_D}"),
                 found: "none".into(),
                 expected: "at least one".into(),
-            });
+            }));
         }
         Ok(Self { body, offsets: offsets.iter().map(MeanOffset::value).collect() })
     }

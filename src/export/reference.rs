@@ -14,7 +14,7 @@ use crate::avatar::{Avatar, FixedTopology};
 use crate::body::{BodyModel, BodyParameters, JOINTS};
 use crate::fields::{CONDITION, FieldEvaluator};
 use crate::mesh::TriangleMesh;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// A body model whose joints are this far from the avatar's is another one, metres.
 const SAME_JOINT: f32 = 1e-3;
@@ -150,10 +150,10 @@ fn require_own_body(avatar: &Avatar, body: &BodyModel) -> Result<()> {
     if farthest < SAME_JOINT {
         return Ok(());
     }
-    Err(Error::Mismatch {
+    Err(Error::from(InputError::Mismatch {
         path: body.path().into(),
         found: format!("a body model whose joints are up to {:.1} mm from the avatar's", 1000.0 * farthest),
         expected: "the model that the avatar was trained with".into(),
         remedy: format!("pass that model, of gender {}, or none", avatar.subject.gender),
-    })
+    }))
 }

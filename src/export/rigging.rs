@@ -15,7 +15,7 @@ use super::report::{RigReport, Sum};
 use super::rig::{Animation, Morph, RiggedMesh, blend, morph, skinning_transforms};
 use crate::avatar::Avatar;
 use crate::body::{BodyModel, BodyParameters, JOINTS};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// Largest displacement that is left uncorrected, metres: half of what a reader should be able to tell.
 const TOLERANCE: f32 = 4e-5;
@@ -110,18 +110,18 @@ impl Rigging {
 
     fn check(&self, frames: &[BodyParameters], frames_per_second: f32) -> Result<()> {
         if ![4, 8].contains(&self.influences) {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: "influences".into(),
                 found: self.influences.to_string(),
                 expected: "4 or 8".into(),
-            });
+            }));
         }
         if frames.is_empty() || !(frames_per_second.is_finite() && frames_per_second > 0.0) {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: "the motion".into(),
                 found: format!("{} frames at {frames_per_second} a second", frames.len()),
                 expected: "at least one frame, at a positive rate".into(),
-            });
+            }));
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use glam::{Affine3A, Quat, Vec3};
 
 use super::rig::Joint;
 use crate::body::{BodyModel, BodyParameters, HandPose, JOINT_NAMES, JOINTS, PARENTS, PoseAxisAngle};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// The joints (J) of a skeleton whose canonical joints are at `canonical` (J).
 ///
@@ -42,12 +42,12 @@ pub(super) fn rotations(poses: &[PoseAxisAngle; JOINTS]) -> [Quat; JOINTS] {
 /// The absolute rotations of all joints. Without a body model, hands have to be absolute already.
 pub(super) fn joint_poses(body: Option<&BodyModel>, parameters: &BodyParameters) -> Result<[PoseAxisAngle; JOINTS]> {
     match (body, &parameters.left_hand_pose, &parameters.right_hand_pose) {
-        (Some(body), ..) => body.joint_poses(parameters),
-        (None, HandPose::Flat(left), HandPose::Flat(right)) => parameters.joint_poses(left, right),
-        (None, ..) => Err(Error::Value {
+        (Some(body), ..) => Ok(body.joint_poses(parameters)?),
+        (None, HandPose::Flat(left), HandPose::Flat(right)) => Ok(parameters.joint_poses(left, right)?),
+        (None, ..) => Err(Error::from(InputError::Value {
             name: "the motion's hand pose".into(),
             found: "given relative to the body model's mean hand, and no body model".into(),
             expected: "a body model to know that hand (--body), or hands relative to the flat one".into(),
-        }),
+        })),
     }
 }

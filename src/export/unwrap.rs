@@ -9,7 +9,7 @@ use uvunwrap::{Atlas, Density, MeshInput, Options, generate};
 
 use super::rig::RiggedMesh;
 use crate::mesh::{Colouring, TriangleMesh};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// Largest angle between a face and its chart's mean, degrees: as flat as keeps charts few.
 const CHART_ANGLE: f32 = 60.0;
@@ -33,10 +33,14 @@ pub(super) struct Unwrapped {
 impl Unwrapped {
     /// The charts of `mesh` on an image of at most `size` x `size` texels, at least twice `padding` texels apart.
     pub(super) fn new(mesh: &TriangleMesh, size: u32, padding: u32) -> Result<Self> {
-        let refused = |found: String| Error::Value {
-            name: "the texture".into(),
-            found,
-            expected: format!("charts that fit {size} x {size} texels: choose a larger texture or a lower resolution"),
+        let refused = |found: String| {
+            Error::from(InputError::Value {
+                name: "the texture".into(),
+                found,
+                expected: format!(
+                    "charts that fit {size} x {size} texels: choose a larger texture or a lower resolution"
+                ),
+            })
         };
         let positions: Vec<[f32; 3]> = mesh.vertices.iter().map(glam::Vec3::to_array).collect();
         let options = Options {

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use glam::Vec3;
+use xavatar_formats::TensorFile;
 use xavatar_network::Mlp;
 
 use super::{Fields, Skinning};
 use crate::Result;
 use crate::config::FieldSettings;
-use crate::tensor_file::TensorFile;
 
 const GEOMETRY: &str = "geometry";
 const TEXTURE: &str = "texture";

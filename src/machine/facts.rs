@@ -1,7 +1,8 @@
 //! The processor and memory, as the system tells.
 
 use serde::Serialize;
-use xavatar_network::{pass_instructions, product_instructions};
+use xavatar_network::product_instructions;
+use xavatar_vector::pass_instructions;
 
 /// What a machine has that decides how fast the program is.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -12,7 +12,7 @@ use xavatar_network::{
 use super::Seconds;
 use crate::config::{Config, SkinningSettings};
 use crate::fields::{BLOCK_ROWS, CONDITION, skeleton_parents};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// Rows, inner extent and columns of the reference products: large, and as one block of the geometry network.
 const REFERENCES: [[usize; 3]; 3] = [[1024, 1024, 1024], [512, 512, 512], [BLOCK_ROWS, 512, 512]];
@@ -107,11 +107,11 @@ impl Networks {
     pub fn new(points: usize) -> Result<Self> {
         let fields = Config::preset("paper-scan")?.fields;
         let SkinningSettings::Network(shape) = &fields.skinning else {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: "fields.skinning of paper-scan".into(),
                 found: "a grid".into(),
                 expected: "a network".into(),
-            });
+            }));
         };
         let random = || <rand_chacha::ChaCha8Rng as rand::SeedableRng>::seed_from_u64(1);
         let mut geometry = GeometryField::new(&fields.geometry, CONDITION, fields.representation, BOUNDS)?;

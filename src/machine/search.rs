@@ -9,9 +9,9 @@ use super::Seconds;
 use crate::avatar::Avatar;
 use crate::config::{Config, SearchedField, Starts};
 use crate::fields::{PosedWarp, bone_rows, start_groups};
-use crate::mannequin::{BuiltInSubject, Split};
+use crate::synthetic::{BuiltInSubject, Split};
 use crate::train::{Event, Trainer, TrainingFrames};
-use crate::{Error, Result};
+use crate::{InputError, Result};
 
 /// The avatar of a posed body, and points to search for.
 pub struct PosedSubject {
@@ -55,7 +55,7 @@ impl PosedSubject {
         let settings = settings.map(|(key, value)| (key.to_owned(), value.to_owned()));
         let config = Config::preset_with("paper-scan", &settings)?;
         let subject = BuiltInSubject::new()?;
-        let folder = tempfile::tempdir().map_err(Error::io(std::env::temp_dir()))?;
+        let folder = tempfile::tempdir().map_err(InputError::io(std::env::temp_dir()))?;
         let (frame, model, labels) = (subject.film(Split::Train, 1)?, subject.model(), subject.part_labels());
         let mut unwatched = |_: Event<'_>| {};
         let mut trainer =

@@ -7,8 +7,9 @@ use image::RgbImage;
 use rayon::prelude::*;
 
 use crate::Result;
+use crate::mesh::camera::{PinholeCamera, THREE_QUARTER};
 use crate::mesh::{Colouring, SurfaceIndex, TriangleMesh};
-use crate::render::{Camera, ColourMap, THREE_QUARTER, Tile, View, contact_sheet, render_mesh};
+use crate::render::{ColourMap, Tile, View, contact_sheet, render_mesh};
 
 /// Distances from here on have the darkest colour, metres.
 const FARTHEST: f32 = 0.01;
@@ -22,15 +23,15 @@ const SIZE: (u32, u32) = (300, 480);
 pub fn closeup(scan: &TriangleMesh, avatar: &TriangleMesh) -> Result<RgbImage> {
     let corner = |fold: fn(Vec3, Vec3) -> Vec3| scan.vertices.iter().copied().reduce(fold).unwrap_or_default();
     let (low, high) = (corner(Vec3::min), corner(Vec3::max));
-    let front = Camera::framing(low, high, THREE_QUARTER, SIZE.0, SIZE.1)?;
-    let back = Camera::framing(low, high, THREE_QUARTER + PI, SIZE.0, SIZE.1)?;
+    let front = PinholeCamera::framing(low, high, THREE_QUARTER, SIZE.0, SIZE.1)?;
+    let back = PinholeCamera::framing(low, high, THREE_QUARTER + PI, SIZE.0, SIZE.1)?;
     let error = coloured_by_distance(avatar, scan)?;
-    contact_sheet(&[vec![
+    Ok(contact_sheet(&[vec![
         Tile::new(render_mesh(scan, &front, View::Colour)?, "scan"),
         Tile::new(render_mesh(avatar, &front, View::Colour)?, "avatar"),
         Tile::new(render_mesh(&error, &front, View::Data)?, "error: light 0 mm"),
         Tile::new(render_mesh(&error, &back, View::Data)?, "to black 10 mm"),
-    ]])
+    ]])?)
 }
 
 /// `mesh` in the colours of its vertices' distances to `scan`.

@@ -8,6 +8,7 @@ mod closeup;
 mod machine;
 mod metrics;
 mod page;
+mod part_colours;
 mod picture;
 mod scene;
 mod training;
@@ -21,6 +22,7 @@ use image::RgbImage;
 pub use closeup::closeup;
 pub use machine::machine;
 pub use page::Fact;
+pub use part_colours::{PART_NAMES, part_colours};
 
 use self::chart::{grouped, number};
 use self::metrics::MetricsTable;
@@ -29,11 +31,12 @@ use self::picture::data_uri;
 use self::scene::ViewerScene;
 use self::training::TrainingRecord;
 use crate::Result;
-use crate::atomic_file::write_atomically;
 use crate::avatar::Avatar;
 use crate::evaluate;
 use crate::export::RiggedMesh;
-use crate::render::{Camera, THREE_QUARTER, View, render_mesh};
+use crate::mesh::camera::{PinholeCamera, THREE_QUARTER};
+use crate::render::{View, render_mesh};
+use xavatar_formats::write_atomically;
 
 /// The file's name in a run folder.
 pub const REPORT_FILE: &str = "report.html";
@@ -82,7 +85,7 @@ impl Report<'_> {
     /// [`Error::Value`](crate::Error::Value) for a rig that the viewer cannot draw.
     pub fn write(&self, path: &Path) -> Result<()> {
         let html = self.html()?;
-        write_atomically(path, |file| file.write_all(html.as_bytes()))
+        Ok(write_atomically(path, |file| file.write_all(html.as_bytes()))?)
     }
 
     /// The page.
@@ -112,7 +115,7 @@ impl Report<'_> {
             pictures,
             command: self.command.clone(),
             facts: self.all_facts(&training),
-            configuration: self.avatar.config.to_toml(),
+            configuration: self.avatar.config.to_toml()?,
         }
         .html()
     }
@@ -188,7 +191,7 @@ fn viewer_part(rig: &RiggedMesh, scene: ViewerScene) -> Result<ViewerPart> {
         posed.normals = None;
     }
     let corner = |fold: fn(Vec3, Vec3) -> Vec3| posed.vertices.iter().copied().reduce(fold).unwrap_or_default();
-    let camera = Camera::framing(corner(Vec3::min), corner(Vec3::max), THREE_QUARTER, POSTER.0, POSTER.1)?;
+    let camera = PinholeCamera::framing(corner(Vec3::min), corner(Vec3::max), THREE_QUARTER, POSTER.0, POSTER.1)?;
     let poster = data_uri(&render_mesh(&posed, &camera, View::Colour)?, POSTER.0)?;
     Ok(ViewerPart { heading: "The avatar", scene: scene.json(), poster: Some(poster) })
 }

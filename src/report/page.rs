@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::chart::Chart;
 use super::metrics::MetricsTable;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 const STYLE: &str = include_str!("../../assets/report/style.css");
 /// One module in the page, in this order.
@@ -136,10 +136,12 @@ impl LivePage {
 }
 
 fn filled(template: &'static str, page: &impl Serialize, nonce: &str) -> Result<String> {
-    let broken = |error: minijinja::Error| Error::Value {
-        name: format!("the report's template {template}"),
-        found: error.to_string(),
-        expected: "a template that fits its page".into(),
+    let broken = |error: minijinja::Error| {
+        Error::from(InputError::Value {
+            name: format!("the report's template {template}"),
+            found: error.to_string(),
+            expected: "a template that fits its page".into(),
+        })
     };
     // Templates that end in .html have everything escaped that they do not call safe.
     let mut environment = Environment::new();

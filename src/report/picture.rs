@@ -8,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, RgbImage, imageops};
 
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// The picture as a data URI, scaled down to at most `width` columns.
 ///
@@ -26,10 +26,12 @@ pub(super) fn data_uri(picture: &RgbImage, width: u32) -> Result<String> {
     let mut bytes = Vec::new();
     PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Adaptive)
         .write_image(picture.as_raw(), picture.width(), picture.height(), ExtendedColorType::Rgb8)
-        .map_err(|error| Error::Value {
-            name: "a picture of the report".into(),
-            found: error.to_string(),
-            expected: "a picture with pixels".into(),
+        .map_err(|error| {
+            Error::from(InputError::Value {
+                name: "a picture of the report".into(),
+                found: error.to_string(),
+                expected: "a picture with pixels".into(),
+            })
         })?;
     Ok(format!("data:image/png;base64,{}", STANDARD.encode(bytes)))
 }
@@ -43,7 +45,7 @@ pub(super) fn read_png(path: &Path) -> Result<RgbImage> {
         image::ImageError::IoError(error) => error,
         error => io::Error::new(io::ErrorKind::InvalidData, error),
     });
-    picture.map(|picture| picture.to_rgb8()).map_err(Error::io(path))
+    Ok(picture.map(|picture| picture.to_rgb8()).map_err(InputError::io(path))?)
 }
 
 #[cfg(test)]

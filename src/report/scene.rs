@@ -8,11 +8,13 @@ use base64::engine::general_purpose::STANDARD;
 use glam::{Mat4, Vec3};
 use serde::Serialize;
 
+use super::part_colours::part_colours;
 use crate::body::{Part, PartLabelSource, PartLabels};
 use crate::export::RiggedMesh;
+use crate::fields::skeleton_parents;
 use crate::mesh::Colouring;
-use crate::render::{joint_colours, part_colours};
-use crate::{Error, Result};
+use crate::render::joint_colours;
+use crate::{Error, InputError, Result};
 
 /// Influences of a vertex that the shader knows.
 const INFLUENCES: usize = 4;
@@ -95,11 +97,11 @@ impl ViewerScene {
     /// [`Error::Value`] for a rig with another number of influences.
     pub(super) fn of(rig: &RiggedMesh) -> Result<Self> {
         if rig.influences != INFLUENCES {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: "influences of the viewer's rig".into(),
                 found: rig.influences.to_string(),
                 expected: INFLUENCES.to_string(),
-            });
+            }));
         }
         let count = rig.mesh.vertices.len();
         let normals = rig.mesh.normals.clone().unwrap_or_else(|| rig.mesh.vertex_normals());
@@ -124,7 +126,7 @@ impl ViewerScene {
             joint_places: floats(rig.joints.iter().flat_map(|joint| joint.translation.to_array())),
             inverse_binds: floats(inverse_binds),
             joint_parts: (0..rig.joints.len()).map(|joint| index_of(Part::of_joint(joint))).collect(),
-            joint_colours: joint_colours().to_vec(),
+            joint_colours: joint_colours(&skeleton_parents()),
             parts: named_parts(),
             expressions: Expressions::of(rig),
             motion: PackedMotion::of(rig),

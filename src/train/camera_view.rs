@@ -11,11 +11,11 @@ use rayon::prelude::*;
 use super::captured::RgbdCapture;
 use super::prepared::{BYTES_A_FACE, RegisteredBody, Surface, faces_of_part};
 use crate::body::{Part, PartLabels, Registration};
-use crate::camera::PinholeCamera;
 use crate::config::{Config, HandSupervision, RgbdSettings, SamplingSettings, SamplingStrategy};
 use crate::data::RgbdFrame;
 use crate::mesh::SurfaceSampler;
-use crate::{Error, Result};
+use crate::mesh::camera::PinholeCamera;
+use crate::{Error, InputError, Result};
 
 /// Points that a part needs to count as seen.
 const FEWEST_POINTS: usize = 40;
@@ -47,10 +47,12 @@ pub(super) struct ObservedPoints {
 impl ObservedPoints {
     fn new(points: Vec<Vec3>, normals: Vec<Vec3>, colours: Vec<Vec3>, parts: Vec<Part>) -> Result<Self> {
         let rows: Vec<[f32; 3]> = points.iter().map(Vec3::to_array).collect();
-        let tree = ImmutableKdTree::new_from_slice(&rows).map_err(|failure| Error::Value {
-            name: "observed points".into(),
-            found: format!("{} ({failure})", points.len()),
-            expected: "at most 2^32".into(),
+        let tree = ImmutableKdTree::new_from_slice(&rows).map_err(|failure| {
+            Error::from(InputError::Value {
+                name: "observed points".into(),
+                found: format!("{} ({failure})", points.len()),
+                expected: "at most 2^32".into(),
+            })
         })?;
         Ok(Self { points, normals, colours, parts, tree })
     }
@@ -103,11 +105,11 @@ impl<'a> CameraView<'a> {
         let RgbdCapture { frame, cloud } = capture;
         let RegisteredBody { mesh, labels, registration } = body;
         let Some(settings) = config.rgbd.clone() else {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: "preset".into(),
                 found: format!("`{}`, which is for scans", config.preset),
                 expected: "one for RGB-D frames".into(),
-            });
+            }));
         };
         let transl = frame.parameters.transl;
         let points: Vec<Vec3> = cloud.points.iter().map(|point| *point - transl).collect();
@@ -255,8 +257,8 @@ mod tests {
 
     use super::*;
     use crate::body::{BodyParameters, PartLabelSource};
-    use crate::camera::pixel_centre;
     use crate::data::{BACKGROUND, FrameId};
+    use crate::mesh::camera::pixel_centre;
     use crate::mesh::{ExtractionGrid, Sign, extract};
 
     const RADIUS: f32 = 0.3;

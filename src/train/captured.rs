@@ -3,7 +3,7 @@
 use crate::body::{BodyParameters, Gender};
 use crate::config::Config;
 use crate::data::{FrameId, FrameSource, PointCloud, RgbdFrame, RgbdSource, ScanFrame};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// Room around the subject that is kept of a picture, metres at the subject's distance.
 const MARGIN: f32 = 0.2;
@@ -53,11 +53,11 @@ impl TrainingFrames<'_> {
             (Self::Scans(_), Some(_)) => ("RGB-D frames", "one for scans: fast, demo or paper-scan"),
             (Self::Rgbd(_), None) => ("scans", "one for RGB-D frames: fast-rgbd, demo-rgbd or paper-rgbd"),
         };
-        Err(Error::Value {
+        Err(Error::from(InputError::Value {
             name: "preset".into(),
             found: format!("`{}`, which is for {found}", config.preset),
             expected: expected.into(),
-        })
+        }))
     }
 }
 
@@ -124,7 +124,7 @@ impl RgbdCapture {
             depth: (0..height).flat_map(|row| frame.depth[kept(row)].iter().copied()).collect(),
             mask: frame.mask.map(|mask| (0..height).flat_map(|row| mask[kept(row)].to_vec()).collect()),
             colour: image::imageops::crop_imm(&frame.colour, low[0], low[1], width, height).to_image(),
-            camera: crate::camera::PinholeCamera {
+            camera: crate::mesh::camera::PinholeCamera {
                 width,
                 height,
                 cx: camera.cx - low[0] as f32,

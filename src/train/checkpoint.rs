@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use xavatar_network::Adam;
 
 use super::engine::Learned;
-use crate::tensor_file::TensorFile;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
+use xavatar_formats::TensorFile;
 
 const FOLDER: &str = "checkpoints";
 const BEST: &str = "best.safetensors";
@@ -94,7 +94,7 @@ impl State {
 /// Writes a checkpoint, then removes all but the newest `kept` and the best. Returns its path.
 pub(super) fn save(learned: &Learned, progress: &mut Progress, run: &Path, kept: usize) -> Result<PathBuf> {
     let folder = run.join(FOLDER);
-    std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+    std::fs::create_dir_all(&folder).map_err(InputError::io(&folder))?;
     let best = progress.running_loss < progress.best_loss;
     progress.best_loss = progress.best_loss.min(progress.running_loss);
     let file = to_file(learned, progress);
@@ -105,7 +105,7 @@ pub(super) fn save(learned: &Learned, progress: &mut Progress, run: &Path, kept:
         file.write(&folder.join(BEST))?;
     }
     for old in checkpoints(run)?.into_iter().skip(kept) {
-        std::fs::remove_file(&old).map_err(Error::io(&old))?;
+        std::fs::remove_file(&old).map_err(InputError::io(&old))?;
     }
     Ok(path)
 }
@@ -113,12 +113,12 @@ pub(super) fn save(learned: &Learned, progress: &mut Progress, run: &Path, kept:
 fn stored_vector(file: &TensorFile, path: &Path, name: &str, length: usize) -> Result<Vec<f32>> {
     match file.tensors.get(name) {
         Some((_, values)) if values.len() == length => Ok(values.clone()),
-        other => Err(Error::Mismatch {
+        other => Err(Error::from(InputError::Mismatch {
             path: path.into(),
             found: other.map_or(format!("no {name}"), |(shape, _)| format!("{name} of shape {shape:?}")),
             expected: format!("{length} entries"),
             remedy: "resume with the configuration that the run was started with".into(),
-        }),
+        })),
     }
 }
 
@@ -129,8 +129,8 @@ pub(super) fn checkpoints(run: &Path) -> Result<Vec<PathBuf>> {
         return Ok(Vec::new());
     }
     let mut paths = Vec::new();
-    for entry in std::fs::read_dir(&folder).map_err(Error::io(&folder))? {
-        let entry = entry.map_err(Error::io(&folder))?;
+    for entry in std::fs::read_dir(&folder).map_err(InputError::io(&folder))? {
+        let entry = entry.map_err(InputError::io(&folder))?;
         let name = entry.file_name().to_string_lossy().into_owned();
         if name.starts_with("step-") && name.ends_with(".safetensors") {
             paths.push(entry.path());

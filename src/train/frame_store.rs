@@ -12,8 +12,9 @@ use super::prepared::{PreparedFrame, Supervision};
 use super::{Event, Observer, stored};
 use crate::body::{BodyModel, PartLabels};
 use crate::config::Config;
-use crate::data::{Array, ArrayData, ArrayMap, FrameId, read_npz, write_npz};
-use crate::{Error, Result};
+use crate::data::FrameId;
+use crate::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
+use crate::{Error, InputError, Result};
 
 const FOLDER: &str = "cache";
 /// Which of the body's vertices some RGB-D frame shows: a byte each, under this name in this file of the cache.
@@ -45,7 +46,7 @@ impl<'a> FrameStore<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Self> {
         let folder = run.join(FOLDER);
-        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+        std::fs::create_dir_all(&folder).map_err(InputError::io(&folder))?;
         let seen_file = folder.join(SEEN_FILE);
         let mut store = Self {
             body,
@@ -79,11 +80,11 @@ impl<'a> FrameStore<'a> {
         }
         observer.event(Event::Preparing { done: total, total });
         if store.ids.is_empty() {
-            return Err(Error::Missing {
+            return Err(Error::from(InputError::Missing {
                 path: run.into(),
                 what: "a usable training frame".into(),
                 remedy: "run `xavatar check` on the data".into(),
-            });
+            }));
         }
         store.seen = match config.rgbd {
             Some(_) if is_complete => read_seen(&seen_file, body)?,
@@ -141,7 +142,7 @@ impl<'a> FrameStore<'a> {
 
 fn write_seen(path: &Path, seen: &[bool]) -> Result<()> {
     let data = ArrayData::U8(seen.iter().map(|seen| u8::from(*seen)).collect());
-    write_npz(path, &ArrayMap::from([(SEEN.to_owned(), Array { shape: vec![seen.len()], data })]))
+    Ok(write_npz(path, &ArrayMap::from([(SEEN.to_owned(), Array { shape: vec![seen.len()], data })]))?)
 }
 
 fn read_seen(path: &Path, body: &BodyModel) -> Result<Vec<bool>> {
@@ -150,12 +151,12 @@ fn read_seen(path: &Path, body: &BodyModel) -> Result<Vec<bool>> {
         Some(ArrayData::U8(bytes)) if bytes.len() == body.vertex_count() => {
             Ok(bytes.iter().map(|byte| *byte != 0).collect())
         }
-        _ => Err(Error::Malformed {
+        _ => Err(Error::from(InputError::Malformed {
             path: path.into(),
             format: "list of seen vertices",
             place: format!("`{SEEN}`"),
             found: arrays.get(SEEN).map_or("absent".into(), Array::description),
             expected: format!("u8 ({}); delete the run's cache folder and resume", body.vertex_count()),
-        }),
+        })),
     }
 }

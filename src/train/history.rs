@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use xavatar_formats::read_text;
 
 use super::Stage;
 use super::metrics_log::METRICS;
 use super::trainer::PREVIEWS;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// A step as it was noted: what of a [`StepRecord`](super::StepRecord) is looked at later.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -36,14 +37,16 @@ pub fn has_notes(run: &Path) -> bool {
 /// [`Error::Io`] if the run has no metrics, [`Error::Malformed`] if they are not a trainer's.
 pub fn noted_steps(run: &Path) -> Result<Vec<NotedStep>> {
     let path = run.join(METRICS);
-    let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
+    let text = read_text(&path)?;
     let parse = |(number, line): (usize, &str)| {
-        serde_json::from_str(line).map_err(|error| Error::Malformed {
-            path: path.clone(),
-            format: "metrics",
-            place: format!("line {number}"),
-            found: error.to_string(),
-            expected: "a step as the trainer writes it".into(),
+        serde_json::from_str(line).map_err(|error| {
+            Error::from(InputError::Malformed {
+                path: path.clone(),
+                format: "metrics",
+                place: format!("line {number}"),
+                found: error.to_string(),
+                expected: "a step as the trainer writes it".into(),
+            })
         })
     };
     (1..).zip(text.lines()).map(parse).collect()
@@ -69,8 +72,8 @@ pub fn previews(run: &Path) -> Result<Vec<(u64, PathBuf)>> {
         return Ok(Vec::new());
     }
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(&folder).map_err(Error::io(&folder))? {
-        let path = entry.map_err(Error::io(&folder))?.path();
+    for entry in std::fs::read_dir(&folder).map_err(InputError::io(&folder))? {
+        let path = entry.map_err(InputError::io(&folder))?.path();
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         let step =
             name.strip_prefix("step-").and_then(|name| name.strip_suffix(".png")).and_then(|step| step.parse().ok());

@@ -9,8 +9,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::event_file::{EVENTS, scalars_record, version_record, whole_records};
 use super::{Stage, StepRecord};
-use crate::atomic_file::write_atomically;
-use crate::{Error, Result};
+use crate::{InputError, Result};
+use xavatar_formats::write_atomically;
 
 /// A line a step.
 pub(super) const METRICS: &str = "metrics.jsonl";
@@ -37,17 +37,19 @@ impl MetricsLog {
 
     /// Notes a step.
     pub fn write(&mut self, record: &StepRecord) -> Result<()> {
-        let line = serde_json::to_string(record).unwrap_or_default() + "\n";
+        let line = serde_json::to_string(record).map_err(|error| InputError::io(&self.lines.0)(error.into()))? + "\n";
         let event = scalars_record(now(), record.step, &scalars(record));
         for ((path, file), bytes) in [(&mut self.lines, line.as_bytes()), (&mut self.events, &event)] {
-            file.write_all(bytes).map_err(Error::io(path))?;
+            file.write_all(bytes).map_err(InputError::io(path))?;
         }
         Ok(())
     }
 
     /// Returns once everything is on the disk.
     pub fn sync(&self) -> Result<()> {
-        [&self.lines, &self.events].into_iter().try_for_each(|(path, file)| file.sync_data().map_err(Error::io(path)))
+        Ok([&self.lines, &self.events]
+            .into_iter()
+            .try_for_each(|(path, file)| file.sync_data().map_err(InputError::io(path)))?)
     }
 }
 
@@ -55,11 +57,11 @@ impl MetricsLog {
 fn continue_file(path: PathBuf, keep: impl FnOnce(&[u8]) -> Vec<u8>) -> Result<(PathBuf, fs::File)> {
     let found = match fs::read(&path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
-        found => found.map_err(Error::io(&path))?,
+        found => found.map_err(InputError::io(&path))?,
     };
     let kept = keep(&found);
     write_atomically(&path, |file| file.write_all(&kept))?;
-    let file = fs::OpenOptions::new().append(true).open(&path).map_err(Error::io(&path))?;
+    let file = fs::OpenOptions::new().append(true).open(&path).map_err(InputError::io(&path))?;
     Ok((path, file))
 }
 

@@ -6,7 +6,8 @@ use image::RgbImage;
 use super::captured::CapturedFrame;
 use crate::Result;
 use crate::mesh::TriangleMesh;
-use crate::render::{Camera, FRONT, Tile, View, contact_sheet, render_mesh};
+use crate::mesh::camera::{FRONT, PinholeCamera};
+use crate::render::{Tile, View, contact_sheet, render_mesh};
 
 const WIDTH: u32 = 480;
 const HEIGHT: u32 = 640;
@@ -33,11 +34,11 @@ pub(super) fn sheet(frame: &CapturedFrame, avatar: &TriangleMesh) -> Result<RgbI
             ]
         }
     };
-    contact_sheet(&[row])
+    Ok(contact_sheet(&[row])?)
 }
 
-fn front_view(mesh: &TriangleMesh) -> Result<Camera> {
+fn front_view(mesh: &TriangleMesh) -> Result<PinholeCamera> {
     let low = mesh.vertices.iter().copied().reduce(Vec3::min).unwrap_or_default();
     let high = mesh.vertices.iter().copied().reduce(Vec3::max).unwrap_or_default();
-    Camera::framing(low, high, FRONT, WIDTH, HEIGHT)
+    Ok(PinholeCamera::framing(low, high, FRONT, WIDTH, HEIGHT)?)
 }

@@ -21,13 +21,13 @@ use super::epochs::Epochs;
 use super::frame_store::FrameStore;
 use super::metrics_log::MetricsLog;
 use super::{Event, Observer, Stage, StepRecord, preview};
-use crate::atomic_file::write_atomically;
 use crate::avatar::{Avatar, Subject};
 use crate::body::{BodyModel, PartLabels};
 use crate::config::{Config, LossSettings};
 use crate::fields::{FieldRates, Fields, Poser};
 use crate::render::write_png;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
+use xavatar_formats::write_atomically;
 
 const CONFIG: &str = "config.toml";
 pub(super) const PREVIEWS: &str = "previews";
@@ -79,15 +79,16 @@ impl<'a> Trainer<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Self> {
         frames.check(config)?;
-        fs::create_dir_all(run).map_err(Error::io(run))?;
-        if fs::read_dir(run).map_err(Error::io(run))?.next().is_some() {
-            return Err(Error::Value {
+        fs::create_dir_all(run).map_err(InputError::io(run))?;
+        if fs::read_dir(run).map_err(InputError::io(run))?.next().is_some() {
+            return Err(Error::from(InputError::Value {
                 name: format!("the run folder {}", run.display()),
                 found: "not empty".into(),
                 expected: "a new or empty folder; continue a run with --resume".into(),
-            });
+            }));
         }
-        write_atomically(&run.join(CONFIG), |file| file.write_all(config.to_toml().as_bytes()))?;
+        let text = config.to_toml()?;
+        write_atomically(&run.join(CONFIG), |file| file.write_all(text.as_bytes()))?;
         Self::open(config, frames, body, labels, run, observer)
     }
 
@@ -97,11 +98,11 @@ impl<'a> Trainer<'a> {
     /// If the folder holds no run.
     pub fn configuration(run: &Path) -> Result<Config> {
         if !run.join(CONFIG).is_file() {
-            return Err(Error::Missing {
+            return Err(Error::from(InputError::Missing {
                 path: run.into(),
                 what: format!("a run to resume ({CONFIG})"),
                 remedy: "start one without --resume".into(),
-            });
+            }));
         }
         Config::read(&run.join(CONFIG))
     }
@@ -361,7 +362,7 @@ impl<'a> Trainer<'a> {
                 extracted => extracted?,
             };
         let folder = self.run.join(PREVIEWS);
-        fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+        fs::create_dir_all(&folder).map_err(InputError::io(&folder))?;
         let path = folder.join(format!("step-{:08}.png", self.progress.steps));
         write_png(&path, &preview::sheet(&frame, &extracted.mesh)?)?;
         observer.event(Event::Preview { path: &path });

@@ -5,7 +5,7 @@
 use glam::Vec3;
 
 use crate::mesh::{Colouring, TriangleMesh};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 const HEAD: usize = 16;
 
@@ -47,11 +47,11 @@ pub fn decode_mesh(message: &[u8]) -> Result<(TriangleMesh, usize, f32)> {
     let colours = HEAD + 24 * count;
     let first_face = (colours + 3 * count).next_multiple_of(4);
     if message.len() < HEAD || message.len() != first_face + 12 * faces {
-        return Err(Error::Value {
+        return Err(Error::from(InputError::Value {
             name: "the mesh message".into(),
             found: format!("{} bytes for {count} vertices and {faces} faces", message.len()),
             expected: format!("{} bytes", first_face + 12 * faces),
-        });
+        }));
     }
     let vectors: Vec<Vec3> = words[HEAD / 4..colours / 4]
         .as_chunks::<3>()

@@ -5,7 +5,7 @@ use serde::Deserialize;
 
 use super::site::LARGEST_RESOLUTION;
 use crate::body::{BodyParameters, HandPose, PoseAxisAngle};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 /// Least cells along the longest side.
 const SMALLEST_RESOLUTION: usize = 16;
@@ -46,10 +46,12 @@ impl PoseRequest {
     /// # Errors
     /// [`Error::Value`] naming what is wrong.
     pub(super) fn parse(body: &[u8]) -> Result<Self> {
-        let request: Self = serde_json::from_slice(body).map_err(|error| Error::Value {
-            name: "the request's body".into(),
-            found: error.to_string(),
-            expected: "JSON as docs/report.md has it".into(),
+        let request: Self = serde_json::from_slice(body).map_err(|error| {
+            Error::from(InputError::Value {
+                name: "the request's body".into(),
+                found: error.to_string(),
+                expected: "JSON as docs/report.md has it".into(),
+            })
         })?;
         request.check()?;
         Ok(request)
@@ -83,11 +85,11 @@ impl PoseRequest {
         within("an expression coefficient", parameters.expression.iter(), LARGEST_EXPRESSION)?;
         within("the translation", parameters.transl.iter(), FARTHEST)?;
         if !(SMALLEST_RESOLUTION..=LARGEST_RESOLUTION).contains(&self.resolution) {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: "resolution".into(),
                 found: self.resolution.to_string(),
                 expected: format!("{SMALLEST_RESOLUTION} to {LARGEST_RESOLUTION} cells"),
-            });
+            }));
         }
         Ok(())
     }
@@ -96,9 +98,11 @@ impl PoseRequest {
 fn within<'a>(name: &str, mut values: impl Iterator<Item = &'a f32>, limit: f32) -> Result<()> {
     match values.find(|value| value.is_nan() || value.abs() > limit) {
         None => Ok(()),
-        Some(value) => {
-            Err(Error::Value { name: name.into(), found: value.to_string(), expected: format!("-{limit} to {limit}") })
-        }
+        Some(value) => Err(Error::from(InputError::Value {
+            name: name.into(),
+            found: value.to_string(),
+            expected: format!("-{limit} to {limit}"),
+        })),
     }
 }
 

@@ -6,7 +6,7 @@
 use super::Bounds;
 use super::grid_shape::Level;
 use crate::Real;
-use crate::instructions::vectorised;
+use xavatar_vector::vectorised;
 
 /// Rows of a group.
 pub(super) const LANES: usize = 8;

@@ -4,7 +4,7 @@
 
 use super::cells::{LANES, Lanes, LevelCells};
 use crate::Real;
-use crate::instructions::vectorised;
+use xavatar_vector::vectorised;
 
 /// Groups between a visit and the prefetch of its entries.
 const AHEAD: usize = 1;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{Mlp, norm};
 use crate::Real;
-use crate::instructions::vectorised;
+use xavatar_vector::vectorised;
 
 /// Numbers of a table that one task sums.
 const CHUNK: usize = 1 << 14;

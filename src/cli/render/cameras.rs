@@ -1,7 +1,7 @@
 //! The camera of a film: one place for all of it, or, where the subject walks away, beside the subject.
 
 use glam::{Mat3, Vec3};
-use xavatar::render::{Camera, FRONT, THREE_QUARTER};
+use xavatar::mesh::camera::{FRONT, PinholeCamera, THREE_QUARTER};
 
 /// What clothes and hair add to the body, metres.
 const CLOTHING: f32 = 0.06;
@@ -12,7 +12,7 @@ const FARTHEST_WITHOUT_FOLLOWING: f32 = 0.8;
 
 /// Cameras for the pictures of a film.
 pub struct FilmCameras {
-    camera: Camera,
+    camera: PinholeCamera,
     /// What a turntable turns about.
     centre: Vec3,
     /// How far the camera has moved along with the subject in each picture.
@@ -52,7 +52,7 @@ impl FilmCameras {
         let places: Vec<Vec3> = stances.iter().zip(&followed).flat_map(moved).collect();
         let (low, high) = bounds(&places);
         Ok(Self {
-            camera: Camera::framing_points(&places, THREE_QUARTER, size.0, size.1)?,
+            camera: PinholeCamera::framing_points(&places, THREE_QUARTER, size.0, size.1)?,
             centre: (low + high) / 2.0,
             followed,
             floor: low.y,
@@ -68,7 +68,7 @@ impl FilmCameras {
         let radius = body.iter().map(|place| level(*place - centre).length()).fold(0.0, f32::max) + CLOTHING;
         let reach = Vec3::new(radius, 0.0, 0.0);
         let middle = level(centre);
-        let mut camera = Camera::framing(
+        let mut camera = PinholeCamera::framing(
             middle - reach + Vec3::Y * low.y,
             middle + reach + Vec3::Y * high.y,
             FRONT,
@@ -81,13 +81,13 @@ impl FilmCameras {
     }
 
     /// The camera of picture `index`.
-    pub fn at(&self, index: usize) -> Camera {
-        let Camera { rotation, translation, .. } = self.camera;
-        Camera { translation: translation - rotation * self.followed[index], ..self.camera }
+    pub fn at(&self, index: usize) -> PinholeCamera {
+        let PinholeCamera { rotation, translation, .. } = self.camera;
+        PinholeCamera { translation: translation - rotation * self.followed[index], ..self.camera }
     }
 
     /// The camera that has gone around the subject by `angle`, radians.
-    pub fn turned(&self, angle: f32) -> Camera {
+    pub fn turned(&self, angle: f32) -> PinholeCamera {
         self.camera.gone_around(self.centre, angle)
     }
 }
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn every_pose_and_every_side_is_in_the_picture() {
-        let inside = |camera: &Camera, places: &[Vec3]| {
+        let inside = |camera: &PinholeCamera, places: &[Vec3]| {
             places.iter().all(|place| {
                 let (pixel, _) = camera.project(*place);
                 pixel.cmpgt(glam::Vec2::ZERO).all() && pixel.x < 300.0 && pixel.y < 400.0

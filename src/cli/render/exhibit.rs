@@ -2,10 +2,11 @@
 
 use clap::ValueEnum;
 use xavatar::body::{PartLabels, Registration};
+use xavatar::fields::skeleton_parents;
+use xavatar::mesh::camera::PinholeCamera;
 use xavatar::mesh::{Colouring, SurfaceIndex, TriangleMesh};
-use xavatar::render::{
-    Camera, ColourMap, PART_NAMES, Scene, Tile, View, part_colours, weight_colours, with_names, with_scale,
-};
+use xavatar::render::{ColourMap, Scene, Tile, View, joint_colours, weight_colours, with_names, with_scale};
+use xavatar::report::{PART_NAMES, part_colours};
 
 /// A kind of picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -100,7 +101,7 @@ impl Exhibit {
             add(Panel::Parts, avatar.vertices.iter().map(nearest).collect());
         }
         if let Some(weights) = weights.filter(|_| panels.has(Panel::Weights)) {
-            add(Panel::Weights, weight_colours(weights)?);
+            add(Panel::Weights, weight_colours(weights, &joint_colours(&skeleton_parents()))?);
         }
         if let Some(scan) = &scan {
             let distances = SurfaceIndex::new(scan)?.closest_to_each(&avatar.vertices);
@@ -146,11 +147,11 @@ pub struct Scenes<'a> {
 
 impl Scenes<'_> {
     /// One picture a panel, with its name.
-    pub fn tiles(&self, panels: &Panels, camera: &Camera) -> xavatar::Result<Vec<Tile>> {
+    pub fn tiles(&self, panels: &Panels, camera: &PinholeCamera) -> xavatar::Result<Vec<Tile>> {
         panels.list.iter().filter_map(|panel| self.tile(*panel, panels, camera).transpose()).collect()
     }
 
-    fn tile(&self, panel: Panel, panels: &Panels, camera: &Camera) -> xavatar::Result<Option<Tile>> {
+    fn tile(&self, panel: Panel, panels: &Panels, camera: &PinholeCamera) -> xavatar::Result<Option<Tile>> {
         let (scene, view) = match panel {
             Panel::Colour => (Some(&self.avatar), View::Colour),
             Panel::Shaded => (Some(&self.avatar), View::Shaded),
@@ -176,7 +177,7 @@ impl Scenes<'_> {
     }
 
     /// From the nearest to the farthest vertex.
-    fn depth_range(&self, camera: &Camera) -> View {
+    fn depth_range(&self, camera: &PinholeCamera) -> View {
         let depths = || self.exhibit.avatar.vertices.iter().map(|vertex| camera.to_camera(*vertex).z);
         View::Depth { near: depths().fold(f32::MAX, f32::min), far: depths().fold(f32::MIN, f32::max) }
     }

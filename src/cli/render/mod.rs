@@ -10,9 +10,11 @@ use anyhow::bail;
 use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
 use xavatar::body::{BodyModel, BodyParameters, PartLabels};
-use xavatar::data::{Clip, FrameSource, Subject};
+use xavatar::data::{FrameSource, Subject};
 use xavatar::mesh::TriangleMesh;
-use xavatar::render::{Camera, Film, FilmFormat, THREE_QUARTER, Tile, contact_sheet, framing_row, write_png};
+use xavatar::mesh::camera::{PinholeCamera, THREE_QUARTER, framing_row};
+use xavatar::render::{Film, FilmFormat, Tile, contact_sheet, write_png};
+use xavatar::synthetic::DANCE;
 
 use self::cameras::{FilmCameras, Stance, turn};
 use self::exhibit::{Exhibit, Panel, Panels};
@@ -48,7 +50,7 @@ pub struct Render {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// A motion of any format (docs/motion.md), or `dance`, a built-in one
-    #[arg(long, value_name = "MOTION", default_value = Clip::DANCE)]
+    #[arg(long, value_name = "MOTION", default_value = DANCE)]
     motion: PathBuf,
     /// What to show; several stand side by side in a film and below each other in a PNG
     #[arg(long, value_name = "VIEW", value_enum, value_delimiter = ',', default_value = "colour")]
@@ -199,7 +201,7 @@ impl Render {
         let places: Vec<Vec<glam::Vec3>> = exhibits.iter().map(Exhibit::vertices).collect();
         let bodies: Vec<&[glam::Vec3]> = places.iter().map(Vec::as_slice).collect();
         // One pose turned, or each pose from the same side.
-        let shown: Vec<(&Exhibit, Camera)> = if self.turntable {
+        let shown: Vec<(&Exhibit, PinholeCamera)> = if self.turntable {
             let camera = FilmCameras::around(bodies[0], self.size)?;
             (0..COLUMNS).map(|side| (&exhibits[0], camera.turned(turn(side, COLUMNS)))).collect()
         } else {
@@ -301,7 +303,7 @@ impl Studio<'_> {
 fn side_by_side(mut tiles: Vec<Tile>) -> xavatar::Result<image::RgbImage> {
     match tiles.len() {
         1 => Ok(tiles.remove(0).picture),
-        _ => contact_sheet(&[tiles]),
+        _ => Ok(contact_sheet(&[tiles])?),
     }
 }
 

@@ -13,9 +13,9 @@ use serde_json::{Value, json};
 
 use self::buffer::Buffer;
 use super::rig::{Animation, RiggedMesh};
-use crate::atomic_file::write_atomically;
 use crate::mesh::{Colouring, encode_png};
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
+use xavatar_formats::write_atomically;
 
 const MAGIC: &[u8; 4] = b"glTF";
 const VERSION: u32 = 2;
@@ -50,7 +50,7 @@ pub fn write_glb(path: impl AsRef<Path>, rigged: &RiggedMesh) -> Result<()> {
     });
     if let Colouring::Texture { image, .. } = &rigged.mesh.colouring {
         // In memory row 0 is v = 0, as in glTF.
-        let png = encode_png(image).map_err(Error::io(path))?;
+        let png = encode_png(image).map_err(InputError::io(path))?;
         document["images"] = json!([{ "bufferView": buffer.file(&png), "mimeType": "image/png" }]);
         document["samplers"] = json!([{
             "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE,
@@ -64,19 +64,19 @@ pub fn write_glb(path: impl AsRef<Path>, rigged: &RiggedMesh) -> Result<()> {
     text.resize(text.len().next_multiple_of(4), b' ');
     let length = 12 + 8 + text.len() + 8 + buffer.bytes.len();
     let Ok(length) = u32::try_from(length) else {
-        return Err(Error::Value {
+        return Err(Error::from(InputError::Value {
             name: "the size of the GLB".into(),
             found: format!("{length} bytes"),
             expected: "at most 4 GiB: choose a lower resolution or fewer correctives".into(),
-        });
+        }));
     };
-    write_atomically(path, |writer| {
+    Ok(write_atomically(path, |writer| {
         writer.write_all(MAGIC)?;
         writer.write_all(&VERSION.to_le_bytes())?;
         writer.write_all(&length.to_le_bytes())?;
         write_chunk(writer, JSON_CHUNK, &text)?;
         write_chunk(writer, BINARY_CHUNK, &buffer.bytes)
-    })
+    })?)
 }
 
 fn write_chunk(writer: &mut impl Write, kind: &[u8; 4], bytes: &[u8]) -> io::Result<()> {

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use xavatar_deformer::{Axis, Grid, VoxelSkinning};
+use xavatar_formats::TensorFile;
 
 use super::{Kind, Skinning};
 use crate::body::JOINTS;
 use crate::config::SkinningSettings;
 use crate::fields::stored::{insert_network, load_network};
-use crate::tensor_file::TensorFile;
-use crate::{Error, Result};
+use crate::{Error, InputError, Result};
 
 const NAME: &str = "skinning";
 const AXES: [&str; 3] = ["skinning.axis_x", "skinning.axis_y", "skinning.axis_z"];
@@ -43,11 +43,11 @@ impl Skinning<f32> {
         };
         let stored = file.tensors.get(LOGITS).map(|(_, logits)| logits.as_slice()).unwrap_or_default();
         if stored.len() != field.parameters().len() {
-            return Err(Error::Value {
+            return Err(Error::from(InputError::Value {
                 name: format!("the stored tensor `{LOGITS}`"),
                 found: format!("{} entries", stored.len()),
                 expected: format!("{}", field.parameters().len()),
-            });
+            }));
         }
         field.update(|logits| logits.copy_from_slice(stored));
         Ok(())
@@ -69,12 +69,14 @@ fn insert_grid(file: &mut TensorFile, field: &VoxelSkinning<f32>) {
 }
 
 fn read_grid(file: &TensorFile, path: &Path) -> Result<VoxelSkinning<f32>> {
-    let broken = |name: &str| Error::Malformed {
-        path: path.into(),
-        format: "avatar",
-        place: format!("tensor `{name}`"),
-        found: file.tensors.get(name).map_or("none".into(), |(shape, _)| format!("shape {shape:?}")),
-        expected: "the grid, bones and logits of one skinning field".into(),
+    let broken = |name: &str| {
+        Error::from(InputError::Malformed {
+            path: path.into(),
+            format: "avatar",
+            place: format!("tensor `{name}`"),
+            found: file.tensors.get(name).map_or("none".into(), |(shape, _)| format!("shape {shape:?}")),
+            expected: "the grid, bones and logits of one skinning field".into(),
+        })
     };
     let values = |name: &str| file.tensors.get(name).map(|(_, values)| values.as_slice()).ok_or_else(|| broken(name));
     let axis = |name: &str| Ok::<_, Error>(Axis::new(values(name)?.to_vec())?);

@@ -9,8 +9,9 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::captured::CapturedFrame;
-use crate::data::{Array, ArrayData, ArrayMap, FrameId, read_npz, write_npz};
-use crate::{Error, Result};
+use crate::data::FrameId;
+use crate::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
+use crate::{Error, InputError, Result};
 
 /// Writes a frame.
 pub(super) fn write(path: &Path, frame: &CapturedFrame) -> Result<()> {
@@ -19,7 +20,7 @@ pub(super) fn write(path: &Path, frame: &CapturedFrame) -> Result<()> {
         CapturedFrame::Rgbd(capture) => rgbd::to_arrays(capture),
     };
     parameters::insert(&mut arrays, frame.parameters());
-    write_npz(path, &arrays)
+    Ok(write_npz(path, &arrays)?)
 }
 
 /// Reads a frame that [`write`] wrote.
@@ -48,13 +49,13 @@ impl Stored<'_> {
     }
 
     fn broken(&self, key: &str) -> Error {
-        Error::Malformed {
+        Error::from(InputError::Malformed {
             path: self.path.into(),
             format: "cached frame",
             place: format!("`{key}`"),
             found: self.arrays.get(key).map_or("absent".into(), Array::description),
             expected: "what the frame was stored with; delete the run's cache folder and resume".into(),
-        }
+        })
     }
 
     fn array(&self, key: &str) -> Result<&Array> {
@@ -111,8 +112,8 @@ mod tests {
     use super::super::captured::RgbdCapture;
     use super::*;
     use crate::body::{BodyParameters, HandPose, PoseAxisAngle};
-    use crate::camera::PinholeCamera;
     use crate::data::{BACKGROUND, RgbdFrame, ScanFrame};
+    use crate::mesh::camera::PinholeCamera;
     use crate::mesh::{Colouring, TriangleMesh};
 
     fn id() -> FrameId {

@@ -3,7 +3,7 @@
 use super::{Stored, rows};
 use crate::Result;
 use crate::body::{BodyParameters, HandPose, PoseAxisAngle};
-use crate::data::{Array, ArrayMap};
+use crate::formats::{Array, ArrayMap};
 
 pub(super) fn insert(arrays: &mut ArrayMap, parameters: &BodyParameters) {
     let joints = [parameters.global_orient].into_iter().chain(parameters.body_pose).chain([

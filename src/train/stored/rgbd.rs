@@ -6,8 +6,9 @@ use super::super::captured::RgbdCapture;
 use super::{Stored, picture_array, rows};
 use crate::Result;
 use crate::body::BodyParameters;
-use crate::camera::{PinholeCamera, pixel_centre};
-use crate::data::{Array, ArrayData, ArrayMap, FrameId, PointCloud, RgbdFrame};
+use crate::data::{FrameId, PointCloud, RgbdFrame};
+use crate::formats::{Array, ArrayData, ArrayMap};
+use crate::mesh::camera::{PinholeCamera, pixel_centre};
 
 /// [fx, fy, cx, cy, R by columns, t]; its presence tells a picture from a scan.
 pub(super) const CAMERA: &str = "camera";

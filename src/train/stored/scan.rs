@@ -7,7 +7,8 @@ use glam::Vec2;
 use super::{Stored, picture_array, rows};
 use crate::Result;
 use crate::body::BodyParameters;
-use crate::data::{Array, ArrayData, ArrayMap, FrameId, ScanFrame};
+use crate::data::{FrameId, ScanFrame};
+use crate::formats::{Array, ArrayData, ArrayMap};
 use crate::mesh::{Colouring, TriangleMesh};
 
 pub(super) fn to_arrays(frame: &ScanFrame) -> ArrayMap {

@@ -1,0 +1,177 @@
+//! From a file of any format to frames that can animate any avatar: what is detected, what the user declares, what is reported.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::Vec3;
+
+use super::conventions::{HandConvention, Translation, UpAxis};
+use super::rest::RestPose;
+use super::timing::{resampled, smoothed};
+use super::{Motion, Onto, detect};
+use xavatar_body::{BodyParameters, HandPose, PoseAxisAngle};
+use xavatar_formats::{Error, Result};
+
+/// Frames a second where neither the file nor the user says.
+const USUAL_RATE: f32 = 30.0;
+
+/// What the user declares about a motion, and what is to be made of it. `Default` detects everything and changes nothing.
+#[derive(Clone, Debug, Default)]
+pub struct MotionOptions {
+    /// The up axis, where it is not what the format and the body's stance say.
+    pub up: Option<UpAxis>,
+    /// What the file's hands are, where it is not what the format says.
+    pub hands: Option<HandConvention>,
+    /// The file's frames a second, where it does not say so, or wrongly.
+    pub source_rate: Option<f32>,
+    /// Frames a second wanted.
+    pub rate: Option<f32>,
+    /// The first and the last frame to take, counted from 1 in the file; `None` is to the end.
+    pub frames: Option<(usize, Option<usize>)>,
+    /// Standard deviation of the Gaussian that smooths in time, seconds.
+    pub smoothing: Option<f32>,
+    /// What becomes of the path through the world.
+    pub translation: Translation,
+    /// The skeleton at rest that motions of other skeletons (BVH) are turned onto.
+    pub rest: RestPose,
+    /// Which bone of such a skeleton is which SMPL-X joint, where its names do not say.
+    pub bone_map: Option<BTreeMap<String, String>>,
+}
+
+/// Frames ready to animate an avatar: Y up, at a known rate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Clip {
+    /// The parameters of each frame (T), at least one. Shape is the source's: an avatar has its own.
+    pub frames: Vec<BodyParameters>,
+    /// How fast they follow each other.
+    pub frames_per_second: f32,
+    /// What was read, detected, declared and changed, a line each, for the user.
+    pub report: Vec<String>,
+}
+
+impl Clip {
+    /// Reads a motion of any format ([`read_motion`](super::read_motion)) and applies the options.
+    ///
+    /// # Errors
+    /// Those of [`read_motion`](super::read_motion); [`Error::Value`] for options that no motion, or this one, can follow.
+    pub fn load(path: &Path, options: &MotionOptions) -> Result<Self> {
+        let motion = detect::read(path, &Onto { rest: &options.rest, bone_map: options.bone_map.as_ref() })?;
+        Self::of(motion, options)
+    }
+
+    /// Applies the options to a motion.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn of(mut motion: Motion, options: &MotionOptions) -> Result<Self> {
+        let mut report = vec![format!("motion: {} frames from {}", motion.frames.len(), motion.source)];
+        let absent: Vec<&str> = motion.zeroed.iter().filter(|name| *name != "betas").map(String::as_str).collect();
+        if !absent.is_empty() {
+            report.push(format!("not in the motion, so neutral: {}", absent.join(", ")));
+        }
+        report.append(&mut motion.notes);
+
+        let own_rate = motion.frames_per_second;
+        let (rate, origin) = match (positive("the motion's frames a second", options.source_rate)?, own_rate) {
+            (Some(rate), _) => (rate, "declared"),
+            (None, Some(rate)) => (rate, "from the motion"),
+            (None, None) => (USUAL_RATE, "assumed: the motion does not say"),
+        };
+        report.push(format!("frame rate: {rate} per second ({origin})"));
+
+        report.push(turn_up(&mut motion, options));
+        let motion = motion.turned_to_y_up(options.rest.pelvis());
+        let mut frames = motion.frames;
+
+        let origin = if options.hands.is_some() { "declared" } else { "by the format" };
+        if let Some(convention) = options.hands {
+            frames.iter_mut().try_for_each(|frame| declare_hands(frame, convention))?;
+        }
+        report.push(format!("hands: {} ({origin})", HandConvention::of(&frames[0].left_hand_pose)));
+
+        if let Some((first, last)) = options.frames {
+            let last = last.unwrap_or(frames.len());
+            if first == 0 || first > last || last > frames.len() {
+                return Err(Error::Value {
+                    name: "frames".into(),
+                    found: format!("{first}..{last}"),
+                    expected: format!("within 1..{}, the motion's frames", frames.len()),
+                });
+            }
+            frames = frames.drain(first - 1..last).collect();
+            report.push(format!("frames: {first} to {last}"));
+        }
+        if let Some(seconds) = positive("smoothing", options.smoothing)? {
+            frames = smoothed(&frames, f64::from(seconds) * f64::from(rate));
+            report.push(format!("smoothed over {seconds} s"));
+        }
+        let wanted = positive("frames a second", options.rate)?.unwrap_or(rate);
+        if wanted != rate {
+            frames = resampled(&frames, rate, wanted)?;
+            report.push(format!("resampled to {} frames at {wanted} per second", frames.len()));
+        }
+        options.translation.apply(&mut frames);
+        report.push(format!("translation: {}", options.translation));
+        Ok(Self { frames, frames_per_second: wanted, report })
+    }
+
+    /// How long it lasts, seconds; each frame is shown for as long as any other.
+    pub fn seconds(&self) -> f32 {
+        self.frames.len() as f32 / self.frames_per_second
+    }
+}
+
+/// Sets the motion's up axis to the declared or the detected one; the line of the report about it.
+fn turn_up(motion: &mut Motion, options: &MotionOptions) -> String {
+    let (axis, origin) = match (options.up, motion.contradicting_axis()) {
+        (Some(declared), _) => (declared, "declared".to_owned()),
+        (None, Some(standing)) if !motion.up_is_certain => {
+            let usual = motion.up;
+            (
+                standing,
+                format!("the body stands along it, though {usual} is this format's; declare {usual} if it is right"),
+            )
+        }
+        (None, _) => (motion.up, "by the format".to_owned()),
+    };
+    motion.up = axis;
+    let turned = if axis == UpAxis::Y { "" } else { "; turned to Y" };
+    format!("up axis: {axis} ({origin}){turned}")
+}
+
+/// Reads a hand's numbers in another convention than its source's.
+fn declare_hands(frame: &mut BodyParameters, convention: HandConvention) -> Result<()> {
+    for hand in [&mut frame.left_hand_pose, &mut frame.right_hand_pose] {
+        let numbers: Vec<f32> = match hand {
+            HandPose::Flat(joints) | HandPose::RelativeToMean(joints) => {
+                joints.iter().flat_map(|joint| joint.0.to_array()).collect()
+            }
+            HandPose::Pca(coefficients) => coefficients.clone(),
+        };
+        let joints = |numbers: &[f32]| {
+            let (rotations, rest) = numbers.as_chunks::<3>();
+            let rotations =
+                rotations.iter().map(|rotation| PoseAxisAngle(Vec3::from_array(*rotation))).collect::<Vec<_>>();
+            rotations.try_into().ok().filter(|_| rest.is_empty()).ok_or_else(|| Error::Value {
+                name: "hands".into(),
+                found: format!("{} numbers a hand", numbers.len()),
+                expected: format!("45, declared to be {convention}"),
+            })
+        };
+        *hand = match convention {
+            HandConvention::Flat => HandPose::Flat(joints(&numbers)?),
+            HandConvention::RelativeToMean => HandPose::RelativeToMean(joints(&numbers)?),
+            HandConvention::Pca => HandPose::Pca(numbers),
+        };
+    }
+    Ok(())
+}
+
+fn positive(name: &str, value: Option<f32>) -> Result<Option<f32>> {
+    match value {
+        Some(value) if !(value.is_finite() && value > 0.0) => {
+            Err(Error::Value { name: name.into(), found: value.to_string(), expected: "a positive number".into() })
+        }
+        value => Ok(value),
+    }
+}

@@ -1,0 +1,66 @@
+//! Motions: sequences of SMPL-X parameters to animate an avatar with (docs/motion.md).
+//!
+//! Read from X-Humans `SMPLX` folders, AMASS and GRAB archives, what pose estimators write, BVH, and our own npz, which is
+//! also written. A [`Motion`] is what
+//! its source says, in the source's conventions, which are types; a [`Clip`] is what any avatar can be animated with. T frames;
+//! radians, metres.
+
+mod amass;
+mod bvh;
+mod clip;
+mod conventions;
+mod detect;
+mod frames;
+mod grab;
+mod named;
+mod own;
+mod rest;
+mod timing;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use xavatar_body::BodyParameters;
+use xavatar_formats::Result;
+
+pub use clip::{Clip, MotionOptions};
+pub use conventions::{HandConvention, Translation, UpAxis};
+pub use own::write_motion;
+pub use rest::RestPose;
+
+/// A sequence of body parameters, as its source has it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// The parameters of each frame (T), at least one.
+    pub frames: Vec<BodyParameters>,
+    /// How fast the frames follow each other, if the source says.
+    pub frames_per_second: Option<f32>,
+    /// The axis that points up.
+    pub up: UpAxis,
+    /// Whether the format leaves no doubt about `up`, so that a body that lies down is not taken for a world that does.
+    pub up_is_certain: bool,
+    /// Where the motion is from: the path and the format it was read as.
+    pub source: String,
+    /// Parameters that the source does not have, so that they are zero in every frame.
+    pub zeroed: Vec<String>,
+    /// What else the reader has to say, a line each.
+    pub notes: Vec<String>,
+}
+
+/// Reads a motion of any format (docs/motion.md): a file, or a folder of one file a frame.
+///
+/// # Errors
+/// [`Error::Missing`](xavatar_formats::Error::Missing) if nothing is there; [`Error::Unrecognised`](xavatar_formats::Error::Unrecognised) listing the formats and why the file is in none;
+/// [`Error::Malformed`](xavatar_formats::Error::Malformed) naming the place that breaks the file's format;
+/// [`Error::Refused`](xavatar_formats::Error::Refused) for a pickle that would run code.
+pub fn read_motion(path: impl AsRef<Path>) -> Result<Motion> {
+    detect::read(path.as_ref(), &Onto { rest: &RestPose::default(), bone_map: None })
+}
+
+/// What motions of other skeletons (BVH) are turned onto.
+struct Onto<'a> {
+    /// SMPL-X's skeleton at rest.
+    rest: &'a RestPose,
+    /// Which bone is which joint, where the bones' names do not say.
+    bone_map: Option<&'a BTreeMap<String, String>>,
+}

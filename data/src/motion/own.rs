@@ -1,0 +1,142 @@
+//! Our own motion format (docs/motion.md): an npz with one array a parameter, T rows each.
+
+use std::path::Path;
+
+use super::Motion;
+use super::frames::{FrameReader, rotation};
+use crate::fields::{Fields, components, rotations};
+use xavatar_body::{BodyParameters, HandPose, PoseAxisAngle};
+use xavatar_formats::{Array, ArrayMap, Error, Result, write_npz};
+
+const FORMAT: &str = "motion npz";
+const CONVENTIONS: &str = "flat, relative_to_mean or pca";
+
+/// Every array that the format has.
+const ARRAYS: [&str; 12] = [
+    "body_pose",
+    "global_orient",
+    "transl",
+    "jaw_pose",
+    "left_eye_pose",
+    "right_eye_pose",
+    "left_hand_pose",
+    "right_hand_pose",
+    "hand_convention",
+    "expression",
+    "betas",
+    "frames_per_second",
+];
+
+pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
+    let Some(body) = arrays.get("body_pose") else { return Err("no `body_pose`".into()) };
+    match arrays.keys().find(|key| !ARRAYS.contains(&key.as_str())) {
+        Some(other) => Err(format!("`{other}` is none of its arrays")),
+        None if !matches!(body.shape[..], [_, 63]) => {
+            Err(format!("`body_pose` is {}, not (T, 63)", body.description()))
+        }
+        None => Ok(()),
+    }
+}
+
+pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
+    let mut reader = FrameReader::new(Fields { path, format: FORMAT, arrays }, "body_pose", 63)?;
+    let body = reader.rows::<63>("body_pose")?;
+    let betas = reader.betas("betas")?;
+    let expression = reader.rows("expression")?;
+    let (global, transl) = (reader.rows("global_orient")?, reader.rows::<3>("transl")?);
+    let jaw = reader.rows("jaw_pose")?;
+    let (left_eye, right_eye) = (reader.rows("left_eye_pose")?, reader.rows("right_eye_pose")?);
+    let (left_hand, right_hand) = hands(&mut reader)?;
+    let frame = |((index, left_hand_pose), right_hand_pose): ((usize, HandPose), HandPose)| BodyParameters {
+        betas: betas[index],
+        expression: expression[index],
+        global_orient: rotation(global[index]),
+        body_pose: rotations(&body[index]),
+        jaw_pose: rotation(jaw[index]),
+        left_eye_pose: rotation(left_eye[index]),
+        right_eye_pose: rotation(right_eye[index]),
+        left_hand_pose,
+        right_hand_pose,
+        transl: transl[index].into(),
+    };
+    let frames = left_hand.into_iter().enumerate().zip(right_hand).map(frame).collect();
+    let frames_per_second = reader.frames_per_second(&["frames_per_second"])?;
+    let source = format!("{} ({FORMAT})", path.display());
+    Ok(Motion { frames, frames_per_second, up_is_certain: true, source, zeroed: reader.zeroed(), ..Motion::default() })
+}
+
+fn hands(reader: &mut FrameReader) -> Result<(Vec<HandPose>, Vec<HandPose>)> {
+    const KEYS: [&str; 2] = ["left_hand_pose", "right_hand_pose"];
+    let convention = reader.text("hand_convention")?;
+    let pose: fn([PoseAxisAngle; 15]) -> HandPose = match convention {
+        Some("relative_to_mean") => HandPose::RelativeToMean,
+        Some("pca") => return Ok((reader.pca_hands(KEYS[0])?, reader.pca_hands(KEYS[1])?)),
+        Some("flat") => HandPose::Flat,
+        None if !KEYS.iter().any(|key| reader.has(key)) => HandPose::Flat,
+        other => return Err(reader.malformed("hand_convention", other.unwrap_or("missing"), CONVENTIONS)),
+    };
+    Ok((reader.hands(KEYS[0], pose)?, reader.hands(KEYS[1], pose)?))
+}
+
+/// Writes a motion in our own format (docs/motion.md); the file appears whole or not at all.
+///
+/// # Errors
+/// [`Error::Value`] if the motion has no frames, or if its hand poses are not all in one convention and of one
+/// length; [`Error::Io`] if the file cannot be written.
+pub fn write_motion(path: impl AsRef<Path>, motion: &Motion) -> Result<()> {
+    let frames = &motion.frames;
+    let Some(first) = frames.first() else {
+        return Err(Error::Value { name: "motion".into(), found: "no frames".into(), expected: "at least one".into() });
+    };
+    let rows = |values: Vec<f32>| Array::from_f32(&[frames.len(), values.len() / frames.len()], values);
+    let column = |value: fn(&BodyParameters) -> &[f32]| rows(frames.iter().flat_map(value).copied().collect());
+    let rotations = |value: fn(&BodyParameters) -> &[PoseAxisAngle]| {
+        rows(frames.iter().flat_map(|frame| components(value(frame))).collect())
+    };
+    let hand_convention = convention(&first.left_hand_pose);
+    let hands = |value: fn(&BodyParameters) -> &HandPose| {
+        let hands: Option<Vec<Vec<f32>>> = frames.iter().map(|frame| hand(value(frame), hand_convention)).collect();
+        let hands = hands.filter(|hands| hands.iter().all(|hand| hand.len() == hands[0].len()));
+        let hands = hands.ok_or_else(|| Error::Value {
+            name: "hand poses of a motion".into(),
+            found: "several conventions or lengths".into(),
+            expected: format!("{hand_convention} in every frame, as in the first"),
+        })?;
+        Ok::<Array, Error>(rows(hands.concat()))
+    };
+    let mut arrays = ArrayMap::from([
+        ("betas".into(), column(|frame| &frame.betas)),
+        ("expression".into(), column(|frame| &frame.expression)),
+        ("transl".into(), column(|frame| frame.transl.as_ref())),
+        ("global_orient".into(), rotations(|frame| std::slice::from_ref(&frame.global_orient))),
+        ("body_pose".into(), rotations(|frame| &frame.body_pose)),
+        ("jaw_pose".into(), rotations(|frame| std::slice::from_ref(&frame.jaw_pose))),
+        ("left_eye_pose".into(), rotations(|frame| std::slice::from_ref(&frame.left_eye_pose))),
+        ("right_eye_pose".into(), rotations(|frame| std::slice::from_ref(&frame.right_eye_pose))),
+        ("left_hand_pose".into(), hands(|frame| &frame.left_hand_pose)?),
+        ("right_hand_pose".into(), hands(|frame| &frame.right_hand_pose)?),
+        ("hand_convention".into(), Array::from_text(hand_convention)),
+    ]);
+    // Coefficients that no frame has are left out: an array without columns could not be told from a damaged one.
+    arrays.retain(|_, array| array.shape.last() != Some(&0));
+    if let Some(rate) = motion.frames_per_second {
+        arrays.insert("frames_per_second".into(), Array::from_f32(&[], vec![rate]));
+    }
+    write_npz(path, &arrays)
+}
+
+fn convention(hand: &HandPose) -> &'static str {
+    match hand {
+        HandPose::Flat(_) => "flat",
+        HandPose::RelativeToMean(_) => "relative_to_mean",
+        HandPose::Pca(_) => "pca",
+    }
+}
+
+/// The numbers of a hand pose, if it is in the given convention.
+fn hand(hand: &HandPose, expected: &str) -> Option<Vec<f32>> {
+    (convention(hand) == expected).then(|| match hand {
+        HandPose::Flat(joints) | HandPose::RelativeToMean(joints) => components(joints).collect(),
+        HandPose::Pca(coefficients) => coefficients.clone(),
+    })
+}

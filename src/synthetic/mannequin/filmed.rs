@@ -1,0 +1,53 @@
+//! A take of the built-in subject in memory: frames to train or measure on, with no data.
+
+use rayon::prelude::*;
+
+use super::{BuiltInSubject, Split};
+use crate::body::Gender;
+use crate::data::{FrameId, FrameSource, ScanFrame};
+use crate::formats::Result;
+
+/// The frames of one take.
+pub struct FilmedTake {
+    frames: Vec<ScanFrame>,
+    ids: Vec<FrameId>,
+    betas: [f32; 10],
+}
+
+impl BuiltInSubject {
+    /// Films a take in `count` frames, evenly spaced.
+    ///
+    /// # Errors
+    /// As [`BuiltInSubject::frame`].
+    pub fn film(&self, split: Split, count: usize) -> Result<FilmedTake> {
+        let frames: Vec<ScanFrame> =
+            (0..count).into_par_iter().map(|index| self.frame(split, index, count)).collect::<Result<_>>()?;
+        let ids = frames.iter().map(|frame| frame.id.clone()).collect();
+        Ok(FilmedTake { frames, ids, betas: self.betas() })
+    }
+}
+
+impl FilmedTake {
+    /// The frames, in order.
+    pub fn frames(&self) -> &[ScanFrame] {
+        &self.frames
+    }
+}
+
+impl FrameSource for FilmedTake {
+    fn ids(&self) -> &[FrameId] {
+        &self.ids
+    }
+
+    fn read(&self, index: usize) -> Result<ScanFrame> {
+        Ok(self.frames[index].clone())
+    }
+
+    fn betas(&self) -> [f32; 10] {
+        self.betas
+    }
+
+    fn gender(&self) -> Gender {
+        Gender::Neutral
+    }
+}

@@ -1,0 +1,9 @@
+//! Data that the program makes itself: a dressed subject, a dance for any avatar, and a camera that films scans.
+
+mod dance;
+mod mannequin;
+mod virtual_camera;
+
+pub use dance::{DANCE, dance, load_clip};
+pub use mannequin::{BuiltInSubject, FilmedTake, Split};
+pub use virtual_camera::{FilmedScans, Turntable, film};

@@ -1,0 +1,147 @@
+//! An avatar through poses: what is kept from frame to frame changes nothing.
+
+use std::sync::OnceLock;
+
+use glam::{DMat4, DVec3, Vec3};
+use xavatar::avatar::{Animator, Avatar, FixedTopology, Subject};
+use xavatar::body::{BodyParameters, Gender, JOINTS, PoseAxisAngle};
+use xavatar::config::{Config, SkinningSettings};
+use xavatar::fields::{Fields, Skinning};
+use xavatar::synthetic::BuiltInSubject;
+use xavatar_network::SkinningTrace;
+
+const RESOLUTION: usize = 32;
+
+fn subject() -> &'static BuiltInSubject {
+    static SUBJECT: OnceLock<BuiltInSubject> = OnceLock::new();
+    SUBJECT.get_or_init(|| BuiltInSubject::new().unwrap())
+}
+
+/// Fields that nothing was trained of: a ball, with the skinning weights that chance gave it.
+fn untrained() -> Avatar {
+    let small = [
+        ("fields.geometry.width", "48"),
+        ("fields.geometry.frequencies", "2"),
+        ("fields.texture.width", "32"),
+        ("fields.texture.frequencies", "1"),
+        ("fields.skinning.width", "32"),
+    ];
+    let settings: Vec<_> = small.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+    let config = Config::preset_with("paper-scan", &settings).unwrap();
+    let betas = subject().betas();
+    let joints = subject().model().canonical_joints(&betas).unwrap().to_vec();
+    // Larger than the ball, so that its surface is not cut off.
+    let bounds = (Vec3::splat(-1.3), Vec3::splat(1.3));
+    let SkinningSettings::Network(shape) = &config.fields.skinning else { unreachable!("a paper preset") };
+    let mut fields = Fields::new(&config.fields, Skinning::network(shape).unwrap(), bounds).unwrap();
+    fields.initialise(5);
+    let subject = Subject { gender: Gender::Neutral, betas, joints, bounds, frames: 0 };
+    Avatar { fields, config, subject, steps: 0 }
+}
+
+fn bent(angle: f32) -> BodyParameters {
+    let mut parameters = BodyParameters { transl: Vec3::new(0.3, 1.1, -2.0), ..BodyParameters::default() };
+    parameters.global_orient = PoseAxisAngle(Vec3::Y * angle);
+    for (joint, axis) in [(2, Vec3::X), (15, Vec3::Z), (17, Vec3::Y)] {
+        parameters.body_pose[joint] = PoseAxisAngle(axis * angle);
+    }
+    parameters
+}
+
+/// x_d = sum_j w_j(x_c) B_j x_c, in f64 and one point at a time.
+fn skinned(avatar: &Avatar, parameters: &BodyParameters, points: &[Vec3]) -> Vec<DVec3> {
+    let own_shape = BodyParameters { betas: avatar.subject.betas, ..parameters.clone() };
+    let bones = subject().model().canonical_to_posed(&own_shape).unwrap();
+    let bones: Vec<DMat4> = bones.iter().map(|bone| glam::Mat4::from(*bone).as_dmat4()).collect();
+    let rows: Vec<_> = points.iter().map(Vec3::to_array).collect();
+    let mut weights = vec![0.0; points.len() * JOINTS];
+    avatar.fields.skinning.weights(&mut SkinningTrace::default(), &rows, &mut weights);
+    let skin = |(point, weights): (&Vec3, &[f32])| {
+        let images = bones.iter().zip(weights).map(|(bone, w)| bone.transform_point3(point.as_dvec3()) * f64::from(*w));
+        images.sum::<DVec3>() + parameters.transl.as_dvec3()
+    };
+    points.iter().zip(weights.chunks(JOINTS)).map(skin).collect()
+}
+
+#[test]
+fn fixed_topology_is_the_canonical_mesh_skinned_forward() {
+    let avatar = untrained();
+    let fixed = FixedTopology::new(&avatar, subject().model(), RESOLUTION).unwrap();
+    let canonical = fixed.canonical();
+    assert!(canonical.vertices.len() > 1000);
+    for angle in [0.4, -0.7] {
+        let mesh = fixed.pose(&bent(angle)).unwrap();
+        assert_eq!((&mesh.faces, mesh.vertices.len()), (&canonical.faces, canonical.vertices.len()));
+        let expected = skinned(&avatar, &bent(angle), &canonical.vertices);
+        for (vertex, expected) in mesh.vertices.iter().zip(expected) {
+            assert!(vertex.as_dvec3().distance(expected) < 1e-5, "{vertex} is not {expected}");
+        }
+    }
+}
+
+// The deformed normal stands on the images of the canonical surface's tangents, by central differences
+#[test]
+fn normals_of_fixed_topology_are_those_of_the_deformed_surface() {
+    const STEP: f32 = 2e-3;
+    let avatar = untrained();
+    let fixed = FixedTopology::new(&avatar, subject().model(), RESOLUTION).unwrap();
+    let (canonical, pose) = (fixed.canonical(), bent(0.4));
+    let normals = fixed.pose(&pose).unwrap().normals.unwrap();
+    let tangents: Vec<[Vec3; 2]> =
+        canonical.normals.as_ref().unwrap().iter().map(|normal| normal.any_orthonormal_pair().into()).collect();
+    for axis in 0..2 {
+        let moved = |sign: f32| -> Vec<Vec3> {
+            canonical.vertices.iter().zip(&tangents).map(|(vertex, t)| *vertex + t[axis] * (sign * STEP)).collect()
+        };
+        let [ahead, behind] = [1.0, -1.0].map(|sign| skinned(&avatar, &pose, &moved(sign)));
+        for ((ahead, behind), normal) in ahead.iter().zip(&behind).zip(&normals) {
+            let tangent = (ahead - behind) / f64::from(2.0 * STEP);
+            assert!(tangent.dot(normal.as_dvec3()).abs() < 0.01 * tangent.length().max(0.3), "{tangent} {normal}");
+        }
+    }
+}
+
+#[test]
+fn the_resting_pose_of_fixed_topology_is_the_canonical_mesh() {
+    let avatar = untrained();
+    let body = subject().model();
+    let fixed = FixedTopology::new(&avatar, body, RESOLUTION).unwrap();
+    let resting = fixed.pose(&xavatar::body::BodyModel::canonical_parameters(&avatar.subject.betas)).unwrap();
+    let farthest =
+        resting.vertices.iter().zip(&fixed.canonical().vertices).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+    assert!(farthest < 1e-5, "{farthest}");
+}
+
+#[test]
+fn frames_of_one_animator_are_those_extracted_one_by_one() {
+    let avatar = untrained();
+    let (body, labels) = (subject().model(), subject().part_labels());
+    let animator = Animator::new(&avatar, body, labels).unwrap();
+    for parameters in [bent(0.3), bent(-0.5), bent(0.3)] {
+        let [kept, alone] = [
+            animator.extract(&parameters, RESOLUTION).unwrap(),
+            avatar.extract_posed(body, labels, &parameters, RESOLUTION).unwrap(),
+        ];
+        assert!(!kept.mesh.faces.is_empty());
+        assert_eq!(kept.dropped_components, alone.dropped_components);
+        assert_eq!((&kept.mesh.vertices, &kept.mesh.faces), (&alone.mesh.vertices, &alone.mesh.faces));
+        assert_eq!(kept.mesh.normals, alone.mesh.normals);
+    }
+}
+
+#[test]
+fn what_an_animation_is_made_of_does_not_depend_on_threads() {
+    let avatar = untrained();
+    let (body, labels) = (subject().model(), subject().part_labels());
+    let extract = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| Animator::new(&avatar, body, labels)?.extract(&bent(0.4), RESOLUTION)).unwrap().mesh
+    };
+    let (alone, shared) = (extract(1), extract(3));
+    assert_eq!((&alone.vertices, &alone.normals), (&shared.vertices, &shared.normals));
+    let fixed = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| FixedTopology::new(&avatar, body, RESOLUTION)?.pose(&bent(0.4))).unwrap().vertices
+    };
+    assert_eq!(fixed(1), fixed(3));
+}

@@ -1,0 +1,64 @@
+//! Skinning on a grid and the body model's offsets in its warp, against the body model itself.
+
+use glam::Vec3;
+use xavatar::body::{BodyParameters, PoseAxisAngle};
+use xavatar::config::VoxelShape;
+use xavatar::fields::{BodyPlaces, CanonicalGrid, bone_rows};
+use xavatar::synthetic::BuiltInSubject;
+use xavatar_deformer::{Warp, deform};
+
+fn expressive(betas: [f32; 10]) -> BodyParameters {
+    let mut parameters = BodyParameters { betas, expression: [1.5; 10], ..BodyParameters::default() };
+    for (joint, axis) in [(15, Vec3::Z), (16, -Vec3::Z), (17, Vec3::Y), (3, Vec3::X)] {
+        parameters.body_pose[joint] = PoseAxisAngle(0.6 * axis);
+    }
+    parameters
+}
+
+/// Mean distance, metres, between the model's posed vertices and its canonical ones moved by the grid's warp.
+fn mean_error(shape: VoxelShape, with_offsets: bool) -> f32 {
+    let subject = BuiltInSubject::new().unwrap();
+    let (body, betas) = (subject.model(), subject.betas());
+    let parameters = expressive(betas);
+    let grid = CanonicalGrid::new(body, subject.part_labels(), &betas, shape).unwrap();
+    let skinning = grid.skinning(body).unwrap();
+    let bones = bone_rows(&body.canonical_to_posed(&parameters).unwrap());
+    let offsets = with_offsets.then(|| grid.node_offsets(&body.canonical_offsets(&parameters).unwrap()));
+    let warp = skinning.baked().warp(&bones, offsets.as_deref()).unwrap();
+    let canonical = body.canonical_vertices(&betas, &[0.0; 10]).unwrap();
+    let points: Vec<[f32; 3]> = canonical.iter().map(Vec3::to_array).collect();
+    let (mut transforms, mut moved) = (vec![[0.0; 12]; points.len()], vec![[0.0; 3]; points.len()]);
+    warp.transforms(&mut (), &points, &mut transforms);
+    deform(&transforms, &points, &mut moved).unwrap();
+    let posed = body.pose(&parameters).unwrap().vertices;
+    let distances = posed.iter().zip(&moved).map(|(posed, moved)| posed.distance(Vec3::from_array(*moved)));
+    distances.sum::<f32>() / posed.len() as f32
+}
+
+#[test]
+fn the_warp_poses_the_body_the_better_the_finer_its_grid() {
+    let coarse = mean_error(VoxelShape { spacing: 0.07, fine_spacing: 0.03 }, true);
+    let fine = mean_error(VoxelShape { spacing: 0.035, fine_spacing: 0.0125 }, true);
+    assert!(fine < 1.5e-3 && fine < 0.8 * coarse, "{fine} m, on the coarse grid {coarse} m");
+}
+
+#[test]
+fn offsets_bring_expression_and_pose_correctives() {
+    let shape = VoxelShape { spacing: 0.035, fine_spacing: 0.0125 };
+    let (with, without) = (mean_error(shape, true), mean_error(shape, false));
+    assert!(with < 0.9 * without, "{with} m with offsets, {without} m without");
+}
+
+#[test]
+fn places_take_the_offsets_of_the_vertices_they_are_at() {
+    let subject = BuiltInSubject::new().unwrap();
+    let (body, betas) = (subject.model(), subject.betas());
+    let vertices = body.canonical_vertices(&betas, &[0.0; 10]).unwrap();
+    let (places, distances) = BodyPlaces::nearest(body, &betas, &vertices[..200]).unwrap();
+    assert!(distances.iter().all(|distance| distance.abs() < 1e-5));
+    // An offset that is linear in space is what it was at each place.
+    let found = places.offsets(&vertices.iter().map(|vertex| *vertex * 0.1).collect::<Vec<_>>());
+    for (found, vertex) in found.iter().zip(&vertices) {
+        assert!(Vec3::from_array(*found).distance(*vertex * 0.1) < 1e-5);
+    }
+}

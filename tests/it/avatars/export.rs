@@ -1,0 +1,451 @@
+//! Exported files, read back by another reader and posed by their own arrays, against the avatar's exact motion.
+
+use std::collections::HashMap;
+use std::sync::OnceLock;
+
+use glam::{DMat4, DQuat, DVec3, Quat, Vec3};
+use gltf::animation::util::ReadOutputs;
+use tempfile::TempDir;
+use xavatar::avatar::{Avatar, FixedTopology, Subject};
+use xavatar::body::{BodyModel, BodyParameters, Gender, HandPose, JOINT_NAMES, PARENTS, PoseAxisAngle};
+use xavatar::config::{Config, SkinningSettings, VoxelShape};
+use xavatar::export::{RiggedMesh, Rigging, bake_texture, write_glb};
+use xavatar::fields::{CanonicalGrid, Fields, Skinning, condition};
+use xavatar::mesh::{Colouring, read_mesh, write_obj, write_ply};
+use xavatar::synthetic::{BuiltInSubject, Split};
+use xavatar_network::Trace;
+
+const RIGGING: Rigging = Rigging { resolution: 40, influences: 8, correctives: 40 };
+const RATE: f32 = 25.0;
+
+fn subject() -> &'static BuiltInSubject {
+    static SUBJECT: OnceLock<BuiltInSubject> = OnceLock::new();
+    SUBJECT.get_or_init(|| BuiltInSubject::new().unwrap())
+}
+
+/// Geometry and colour that nothing was trained of: a ball. `grid`: skinned as the body is, with its offsets; else by chance.
+fn avatar(grid: bool) -> Avatar {
+    let small = [
+        ("fields.geometry.width", "48"),
+        ("fields.geometry.frequencies", "2"),
+        ("fields.texture.width", "32"),
+        ("fields.texture.frequencies", "1"),
+        ("fields.skinning.width", "32"),
+    ];
+    let settings: Vec<_> = small.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+    let mut config = Config::preset_with("paper-scan", &settings).unwrap();
+    let (body, betas) = (subject().model(), subject().betas());
+    let joints = body.canonical_joints(&betas).unwrap().to_vec();
+    // Larger than the ball, so that its surface is not cut off, even where a test makes it uneven.
+    let bounds = (Vec3::splat(-1.6), Vec3::splat(1.6));
+    let skinning = if grid {
+        let shape = VoxelShape { spacing: 0.1, fine_spacing: 0.05 };
+        config.fields.skinning = SkinningSettings::Voxels(shape);
+        let grid = CanonicalGrid::new(body, subject().part_labels(), &betas, shape).unwrap();
+        Skinning::grid(grid.skinning(body).unwrap())
+    } else {
+        let SkinningSettings::Network(shape) = &config.fields.skinning else { unreachable!("a paper preset") };
+        Skinning::network(shape).unwrap()
+    };
+    let mut fields = Fields::new(&config.fields, skinning, bounds).unwrap();
+    fields.initialise(5);
+    let subject = Subject { gender: Gender::Neutral, betas, joints, bounds, frames: 0 };
+    Avatar { fields, config, subject, steps: 0 }
+}
+
+fn take(frames: usize) -> Vec<BodyParameters> {
+    (0..frames).map(|frame| subject().parameters(Split::Test, frame, frames).unwrap()).collect()
+}
+
+/// A motion that needs no body model: hands absolute.
+fn flat_handed(frames: usize) -> Vec<BodyParameters> {
+    let flat = |parameters| BodyParameters {
+        left_hand_pose: HandPose::Flat([PoseAxisAngle(Vec3::Z * -0.3); 15]),
+        right_hand_pose: HandPose::default(),
+        ..parameters
+    };
+    take(frames).into_iter().map(flat).collect()
+}
+
+/// What is in a GLB, as another program reads it.
+struct Glb {
+    document: gltf::Gltf,
+}
+
+/// A frame of a GLB's animation.
+struct Pose {
+    /// Translation and rotation by node.
+    turns: HashMap<usize, (DVec3, DQuat)>,
+    weights: Vec<f32>,
+}
+
+impl Glb {
+    fn of(rigged: &RiggedMesh) -> Self {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join("avatar.glb");
+        write_glb(&path, rigged).unwrap();
+        Self { document: gltf::Gltf::open(path).unwrap() }
+    }
+
+    fn data<'a>(&'a self) -> impl Clone + Fn(gltf::Buffer<'_>) -> Option<&'a [u8]> {
+        |_| self.document.blob.as_deref()
+    }
+
+    fn primitive(&self) -> gltf::Primitive<'_> {
+        self.document.meshes().next().unwrap().primitives().next().unwrap()
+    }
+
+    fn positions(&self) -> Vec<DVec3> {
+        let primitive = self.primitive();
+        primitive.reader(self.data()).read_positions().unwrap().map(|p| Vec3::from(p).as_dvec3()).collect()
+    }
+
+    /// (M, V).
+    fn morphs(&self) -> Vec<Vec<DVec3>> {
+        let primitive = self.primitive();
+        let reader = primitive.reader(self.data());
+        let target = |(positions, ..): (Option<gltf::accessor::Iter<[f32; 3]>>, _, _)| {
+            positions.unwrap().map(|p| Vec3::from(p).as_dvec3()).collect()
+        };
+        reader.read_morph_targets().map(target).collect()
+    }
+
+    /// The joints and weights of each vertex, all sets together.
+    fn influences(&self) -> Vec<Vec<(usize, f64)>> {
+        let primitive = self.primitive();
+        let reader = primitive.reader(self.data());
+        let mut rows = vec![Vec::new(); self.positions().len()];
+        for set in 0.. {
+            let (Some(joints), Some(weights)) = (reader.read_joints(set), reader.read_weights(set)) else { break };
+            for ((row, joints), weights) in rows.iter_mut().zip(joints.into_u16()).zip(weights.into_f32()) {
+                row.extend(joints.into_iter().map(usize::from).zip(weights.map(f64::from)));
+            }
+        }
+        rows
+    }
+
+    /// The pose of the nodes themselves, and that of each frame of the animation.
+    fn poses(&self) -> (Pose, Vec<Pose>) {
+        let turn = |node: gltf::Node| {
+            let (translation, [x, y, z, w], _) = node.transform().decomposed();
+            (node.index(), (Vec3::from(translation).as_dvec3(), Quat::from_xyzw(x, y, z, w).as_dquat()))
+        };
+        let rest = || Pose { turns: self.document.nodes().map(turn).collect(), weights: Vec::new() };
+        let mut frames: Vec<Pose> = Vec::new();
+        for channel in self.document.animations().next().unwrap().channels() {
+            let node = channel.target().node().index();
+            let reader = channel.reader(self.data());
+            let count = reader.read_inputs().unwrap().count();
+            frames.resize_with(count, rest);
+            match reader.read_outputs().unwrap() {
+                ReadOutputs::Translations(values) => {
+                    for (frame, value) in frames.iter_mut().zip(values) {
+                        frame.turns.get_mut(&node).unwrap().0 = Vec3::from(value).as_dvec3();
+                    }
+                }
+                ReadOutputs::Rotations(values) => {
+                    for (frame, value) in frames.iter_mut().zip(values.into_f32()) {
+                        frame.turns.get_mut(&node).unwrap().1 = Quat::from_array(value).as_dquat();
+                    }
+                }
+                ReadOutputs::MorphTargetWeights(values) => {
+                    let values: Vec<f32> = values.into_f32().collect();
+                    let weights = values.chunks(values.len() / count);
+                    frames.iter_mut().zip(weights).for_each(|(frame, weights)| frame.weights = weights.to_vec());
+                }
+                ReadOutputs::Scales(_) => panic!("nothing is scaled"),
+            }
+        }
+        (rest(), frames)
+    }
+
+    /// Where joints are, in the world (J).
+    fn joint_transforms(&self, pose: &Pose) -> Vec<DMat4> {
+        fn visit(node: gltf::Node, above: DMat4, pose: &Pose, placed: &mut HashMap<usize, DMat4>) {
+            let (translation, rotation) = pose.turns[&node.index()];
+            let here = above * DMat4::from_rotation_translation(rotation, translation);
+            placed.insert(node.index(), here);
+            node.children().for_each(|child| visit(child, here, pose, placed));
+        }
+        let mut placed = HashMap::new();
+        let scene = self.document.default_scene().unwrap();
+        scene.nodes().for_each(|node| visit(node, DMat4::IDENTITY, pose, &mut placed));
+        let skin = self.document.skins().next().unwrap();
+        skin.joints().map(|joint| placed[&joint.index()]).collect()
+    }
+
+    fn skinning_transforms(&self, pose: &Pose) -> Vec<DMat4> {
+        let skin = self.document.skins().next().unwrap();
+        let inverse_bind = skin.reader(self.data()).read_inverse_bind_matrices().unwrap();
+        let joints = self.joint_transforms(pose);
+        joints.iter().zip(inverse_bind).map(|(j, bind)| *j * glam::Mat4::from_cols_array_2d(&bind).as_dmat4()).collect()
+    }
+
+    /// The vertices of every frame, by the specification's formula.
+    fn animated(&self) -> Vec<Vec<DVec3>> {
+        let (positions, morphs, influences) = (self.positions(), self.morphs(), self.influences());
+        let vertices = |pose: &Pose| {
+            let transforms = self.skinning_transforms(pose);
+            let vertex = |index: usize| {
+                let morphed = morphs.iter().zip(&pose.weights).map(|(morph, weight)| morph[index] * f64::from(*weight));
+                let point = positions[index] + morphed.sum::<DVec3>();
+                let held = influences[index].iter().filter(|(_, weight)| *weight != 0.0);
+                held.map(|(joint, weight)| transforms[*joint].transform_point3(point) * *weight).sum()
+            };
+            (0..positions.len()).map(vertex).collect()
+        };
+        self.poses().1.iter().map(vertices).collect()
+    }
+}
+
+fn farthest<'a>(vertices: &[DVec3], exact: impl IntoIterator<Item = &'a Vec3>) -> f64 {
+    vertices.iter().zip(exact).map(|(vertex, exact)| vertex.distance(exact.as_dvec3())).fold(0.0, f64::max)
+}
+
+// sum_k w_k (G_k InvBind_k)(p + morphs), all from the file, is the mesh that `animate --fixed-topology` writes
+#[test]
+fn the_files_own_skinning_is_the_fixed_topology() {
+    let (avatar, frames) = (avatar(true), take(12));
+    let fixed = FixedTopology::new(&avatar, subject().model(), RIGGING.resolution).unwrap();
+    for influences in [4, 8] {
+        let rigging = Rigging { influences, ..RIGGING };
+        let (rigged, report) = rigging.rig(&avatar, Some(subject().model()), &frames, RATE, |_, _| {}).unwrap();
+        assert!(report.uncorrected.max > 1e-3, "nothing to correct: {report:?}");
+        let animated = Glb::of(&rigged).animated();
+        assert_eq!(animated.len(), frames.len());
+        let mut worst = 0.0_f64;
+        for (index, (vertices, parameters)) in animated.iter().zip(&frames).enumerate() {
+            worst = worst.max(farthest(vertices, &fixed.pose(parameters).unwrap().vertices));
+            assert!(farthest(vertices, &rigged.posed(index)) < 1e-5);
+        }
+        // On this ball vertices hang far from their bones: four influences alone are 10 cm off.
+        assert!(worst < 1e-4, "{influences} influences: {worst}");
+        assert!((worst - f64::from(report.corrected.max)).abs() < 1e-5, "{worst} is not {report:?}");
+    }
+}
+
+#[test]
+fn what_is_lost_without_correctives_is_reported() {
+    let (avatar, frames) = (avatar(true), take(5));
+    let fixed = FixedTopology::new(&avatar, subject().model(), RIGGING.resolution).unwrap();
+    let rigging = Rigging { correctives: 0, influences: 4, ..RIGGING };
+    let (rigged, report) = rigging.rig(&avatar, Some(subject().model()), &frames, RATE, |_, _| {}).unwrap();
+    assert_eq!((rigged.morphs.len(), report.correctives), (10, 0));
+    let animated = Glb::of(&rigged).animated();
+    let exact: Vec<_> = frames.iter().map(|parameters| fixed.pose(parameters).unwrap().vertices).collect();
+    let worst = animated.iter().zip(&exact).map(|(vertices, exact)| farthest(vertices, exact)).fold(0.0, f64::max);
+    assert!((worst - f64::from(report.uncorrected.max)).abs() < 1e-5, "{worst} is not {report:?}");
+    assert_eq!(report.uncorrected, report.corrected);
+    assert!(report.most_influences > 4 && report.cut_weight_max > 0.0 && report.pruning.max > 0.0);
+    // Eight influences cut less.
+    let (_, eight) =
+        Rigging { influences: 8, ..rigging }.rig(&avatar, Some(subject().model()), &frames, RATE, |_, _| {}).unwrap();
+    assert!(eight.pruning.mean < report.pruning.mean && eight.cut_weight_mean < report.cut_weight_mean);
+}
+
+#[test]
+fn skeleton_morphs_colours_and_clip_are_in_the_file() {
+    let (avatar, frames) = (avatar(true), take(6));
+    let (rigged, _) = RIGGING.rig(&avatar, Some(subject().model()), &frames, RATE, |_, _| {}).unwrap();
+    let glb = Glb::of(&rigged);
+    let joints: Vec<gltf::Node> = glb.document.skins().next().unwrap().joints().collect();
+    assert_eq!(joints.iter().map(|joint| joint.name().unwrap()).collect::<Vec<_>>(), JOINT_NAMES);
+    for (index, joint) in joints.iter().enumerate() {
+        for child in joint.children() {
+            let child = joints.iter().position(|joint| joint.index() == child.index()).unwrap();
+            assert_eq!(PARENTS[child], index);
+        }
+    }
+    // In the pose of the nodes nothing moves, and joints are where the avatar's are.
+    let (rest, poses) = glb.poses();
+    for (joint, transform) in glb.skinning_transforms(&rest).iter().enumerate() {
+        assert!(transform.abs_diff_eq(DMat4::IDENTITY, 1e-5), "joint {joint}");
+    }
+    for (placed, joint) in glb.joint_transforms(&rest).iter().zip(&avatar.subject.joints) {
+        assert!(placed.w_axis.truncate().distance(joint.as_dvec3()) < 1e-5);
+    }
+    // A joint's rotation is SMPL-X's own.
+    let elbow = frames[3].body_pose[17].0.as_dvec3();
+    let (_, turn) = poses[3].turns[&joints[18].index()];
+    assert!(turn.to_scaled_axis().distance(elbow) < 1e-5);
+
+    let mesh = glb.document.meshes().next().unwrap();
+    let extras: serde_json::Value = serde_json::from_str(mesh.extras().as_ref().unwrap().get()).unwrap();
+    let names: Vec<_> = extras["targetNames"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
+    assert_eq!(names[9..11], ["expression_9", "corrective_0"]);
+    assert_eq!(names.len(), glb.morphs().len());
+
+    let primitive = glb.primitive();
+    let reader = primitive.reader(glb.data());
+    let Colouring::Vertex(colours) = &rigged.mesh.colouring else { panic!("no colours") };
+    for (read, colour) in reader.read_colors(0).unwrap().into_rgba_f32().zip(colours) {
+        // Back to sRGB by the inverse of the transfer function, one level of 255 exactly.
+        for (linear, srgb) in read.iter().zip(colour) {
+            let encoded = if *linear <= 0.0031308 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+            assert!((encoded * 255.0 - f32::from(*srgb)).abs() < 0.51, "{linear} for {srgb}");
+        }
+    }
+    let times: Vec<f32> = glb
+        .document
+        .animations()
+        .next()
+        .unwrap()
+        .channels()
+        .next()
+        .unwrap()
+        .reader(glb.data())
+        .read_inputs()
+        .unwrap()
+        .collect();
+    assert!(times.iter().enumerate().all(|(frame, time)| (time - frame as f32 / RATE).abs() < 1e-6));
+    for (read, index) in reader.read_indices().unwrap().into_u32().zip(rigged.mesh.faces.as_flattened()) {
+        assert_eq!(read, *index);
+    }
+}
+
+// The morph of coefficient k keeps the field's value while the condition goes from none to c_k: f(p + d_k, c_k) = f(p, 0)
+#[test]
+fn expressions_of_avatars_without_offsets_are_the_fields() {
+    let mut avatar = avatar(false);
+    // Networks begin deaf to the condition.
+    let perturb = |(index, parameter): (usize, &mut f32)| *parameter += 5e-3 * (index as f32 * 0.7).sin();
+    avatar.fields.geometry.mlp.update(|parameters| parameters.iter_mut().enumerate().for_each(perturb));
+    let network = &avatar.fields.geometry.mlp;
+    let (rigged, _) =
+        Rigging { correctives: 0, ..RIGGING }.rig(&avatar, None, &flat_handed(1), RATE, |_, _| {}).unwrap();
+    let values = |points: &[Vec3], expression: [f32; 10]| {
+        let parameters = BodyParameters { expression, ..BodyParameters::default() };
+        let rows: Vec<f32> = points.iter().flat_map(Vec3::to_array).collect();
+        let mut trace = Trace::default();
+        network.forward(&mut trace, &rows, &network.embed(&condition(&parameters)), &[]);
+        trace.output().to_vec()
+    };
+    let vertices = &rigged.mesh.vertices;
+    let neutral = values(vertices, [0.0; 10]);
+    let largest = neutral.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
+    assert!(largest < 0.01, "vertices lie on the surface, not where it is cut off: {largest}");
+    let change = |values: Vec<f32>| values.iter().zip(&neutral).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    for (coefficient, morph) in rigged.morphs.iter().enumerate() {
+        let mut expression = [0.0; 10];
+        expression[coefficient] = 1.0;
+        let moved: Vec<Vec3> = vertices.iter().zip(&morph.offsets).map(|(p, d)| *p + *d).collect();
+        let (before, after) = (change(values(vertices, expression)), change(values(&moved, expression)));
+        assert!(after < 0.02 * before, "{}: {before} to {after}", morph.name);
+    }
+}
+
+// An avatar whose warp has no offsets needs no body model: the skeleton is in the avatar
+#[test]
+fn without_a_body_model_the_skeleton_moves_the_avatar_alone() {
+    let (avatar, mut frames) = (avatar(false), flat_handed(6));
+    frames.iter_mut().for_each(|frame| frame.expression = [0.0; 10]);
+    let fixed = FixedTopology::new(&avatar, subject().model(), RIGGING.resolution).unwrap();
+    let (rigged, report) = Rigging { correctives: 80, ..RIGGING }.rig(&avatar, None, &frames, RATE, |_, _| {}).unwrap();
+    assert!(report.most_influences > 8);
+    for (vertices, parameters) in Glb::of(&rigged).animated().iter().zip(&frames) {
+        let worst = farthest(vertices, &fixed.pose(parameters).unwrap().vertices);
+        assert!(worst < 1e-4, "{worst}");
+    }
+}
+
+#[test]
+fn consecutive_rotations_are_on_one_side() {
+    let turn = |angle: f32| {
+        let mut parameters = BodyParameters::default();
+        parameters.body_pose[15] = PoseAxisAngle(Vec3::X * angle);
+        parameters
+    };
+    let frames: Vec<_> = (0..40).map(|frame| turn(frame as f32 * 0.3)).collect();
+    let (rigged, _) =
+        Rigging { correctives: 0, ..RIGGING }.rig(&avatar(false), None, &frames, RATE, |_, _| {}).unwrap();
+    let rotations = &rigged.animation.rotations;
+    assert!(rotations.windows(2).all(|pair| pair[0].iter().zip(&pair[1]).all(|(a, b)| a.dot(*b) > 0.9)));
+}
+
+#[test]
+fn what_cannot_be_rigged_is_named() {
+    let (avatar, body) = (avatar(true), subject().model());
+    let refused =
+        |rigging: Rigging, avatar: &Avatar, body: Option<&BodyModel>, frames: &[BodyParameters], rate: f32| {
+            rigging.rig(avatar, body, frames, rate, |_, _| {}).unwrap_err().to_string()
+        };
+    let message = refused(Rigging { influences: 5, ..RIGGING }, &avatar, Some(body), &take(1), RATE);
+    assert!(message.contains("influences is 5, expected 4 or 8"), "{message}");
+    let message = refused(RIGGING, &avatar, Some(body), &[], RATE);
+    assert!(message.contains("0 frames"), "{message}");
+    let message = refused(RIGGING, &avatar, Some(body), &take(1), f32::NAN);
+    assert!(message.contains("NaN a second"), "{message}");
+    let message = refused(RIGGING, &avatar, None, &take(1), RATE);
+    assert!(message.contains("--body"), "{message}");
+    let mut other = avatar.clone();
+    other.subject.joints[20].x += 0.01;
+    let message = refused(RIGGING, &other, Some(body), &take(1), RATE);
+    assert!(message.contains("10.0 mm") && message.contains("trained with"), "{message}");
+    let mut broken = take(1);
+    broken[0].transl.y = f32::INFINITY;
+    let message = refused(RIGGING, &avatar, Some(body), &broken, RATE);
+    assert!(message.contains("transl"), "{message}");
+    let message = refused(
+        RIGGING,
+        &avatar,
+        None,
+        &{
+            let mut frames = flat_handed(1);
+            frames[0].jaw_pose.0.x = f32::NAN;
+            frames
+        },
+        RATE,
+    );
+    assert!(message.contains("NaN"), "{message}");
+}
+
+#[test]
+fn a_baked_texture_shows_the_fields_colours() {
+    let avatar = avatar(true);
+    let mesh = avatar.extract_unconditioned(RIGGING.resolution).unwrap().mesh;
+    let baked = bake_texture(&avatar, &mesh, 256, |_, _| {}).unwrap();
+    assert!(baked.report.psnr > 40.0, "{:?}", baked.report);
+    assert_eq!(baked.mesh.faces.len(), mesh.faces.len());
+    for (face, source) in baked.mesh.faces.iter().zip(&mesh.faces) {
+        assert_eq!(face.map(|vertex| baked.sources[vertex as usize]), *source);
+    }
+    // The files say the same.
+    let folder = TempDir::new().unwrap();
+    let (obj, ply) = (folder.path().join("avatar.obj"), folder.path().join("avatar.ply"));
+    write_obj(&obj, &baked.mesh).unwrap();
+    write_ply(&ply, &baked.mesh).unwrap();
+    for path in [obj, ply] {
+        let read = read_mesh(&path).unwrap();
+        let (Colouring::Texture { image, .. }, Colouring::Texture { image: written, .. }) =
+            (&read.colouring, &baked.mesh.colouring)
+        else {
+            panic!("no texture")
+        };
+        assert_eq!((image, read.vertices.len()), (written, baked.mesh.vertices.len()));
+    }
+    let message = bake_texture(&avatar, &mesh, 16, |_, _| {}).unwrap_err().to_string();
+    assert!(message.contains("the texture is"), "{message}");
+}
+
+#[test]
+fn a_textured_rig_moves_as_the_coloured_one() {
+    let (avatar, frames) = (avatar(true), take(3));
+    let (coloured, _) = RIGGING.rig(&avatar, Some(subject().model()), &frames, RATE, |_, _| {}).unwrap();
+    let (textured, report) = coloured.clone().with_texture(&avatar, 256, |_, _| {}).unwrap();
+    let glb = Glb::of(&textured);
+    let (before, after) = (Glb::of(&coloured).animated(), glb.animated());
+    let faces = coloured.mesh.faces.as_flattened().iter().zip(textured.mesh.faces.as_flattened());
+    for (a, b) in faces {
+        assert!(before[2][*a as usize].distance(after[2][*b as usize]) < 1e-6);
+    }
+    let material = glb.primitive().material();
+    let texture = material.pbr_metallic_roughness().base_color_texture().unwrap();
+    let gltf::image::Source::View { view, mime_type } = texture.texture().source().source() else { panic!("a file") };
+    let png = &glb.document.blob.as_ref().unwrap()[view.offset()..view.offset() + view.length()];
+    let image = image::load_from_memory(png).unwrap();
+    assert_eq!((mime_type, image.width(), image.height()), ("image/png", report.width, report.height));
+    let primitive = glb.primitive();
+    let reader = primitive.reader(glb.data());
+    assert!(reader.read_colors(0).is_none());
+    assert!(reader.read_tex_coords(0).unwrap().into_f32().flatten().all(|c| (0.0..=1.0).contains(&c)));
+}

@@ -1,0 +1,9 @@
+//! From frames to avatars, and what is made of them.
+
+mod animation;
+mod canonical_grid;
+mod evaluation;
+mod export;
+mod mannequin;
+mod render;
+mod rgbd_training;

@@ -1,0 +1,7 @@
+//! Numbers against double-precision references.
+
+mod body;
+mod loss_derivatives;
+mod mesh_inside;
+mod metrics;
+mod scan_step;

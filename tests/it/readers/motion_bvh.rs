@@ -1,0 +1,249 @@
+//! BVH motions, written here from known SMPL-X parameters: another skeleton's turns must come back as those.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use glam::{DQuat, DVec3, EulerRot, Vec3};
+use xavatar::body::{BodyParameters, HandPose, JOINT_NAMES, JOINTS, PARENTS, PoseAxisAngle};
+use xavatar::data::{Clip, Motion, MotionOptions, RestPose, UpAxis, read_motion};
+
+const FRAMES: usize = 3;
+
+/// A skeleton to write: joints in SMPL-X's order and tree, at rest in a pose of its own.
+struct Skeleton {
+    names: [String; JOINTS],
+    places: [DVec3; JOINTS],
+    /// Units per metre.
+    unit: f64,
+}
+
+impl Skeleton {
+    /// SMPL-X's own, in centimetres.
+    fn own() -> Self {
+        let rest = RestPose::default();
+        Self { names: JOINT_NAMES.map(str::to_owned), places: rest.joints().map(|place| place.as_dvec3()), unit: 100.0 }
+    }
+
+    /// Turned as a whole.
+    fn turned(mut self, turn: DQuat) -> Self {
+        self.places = self.places.map(|place| turn * place);
+        self
+    }
+
+    /// With what is below a joint turned about it, at rest.
+    fn bent(mut self, joint: usize, turn: DQuat) -> Self {
+        let pivot = self.places[joint];
+        for below in (joint + 1..JOINTS).filter(|below| is_below(*below, joint)) {
+            self.places[below] = pivot + turn * (self.places[below] - pivot);
+        }
+        self
+    }
+
+    /// The file: the pelvis at `path`, in metres, and the joints turned from their rest.
+    fn text(&self, turns: impl Fn(usize, usize) -> DQuat, path: impl Fn(usize) -> DVec3) -> String {
+        let mut text = "HIERARCHY\n".to_owned();
+        self.write_joint(0, &mut text);
+        writeln!(text, "MOTION\nFrames: {FRAMES}\nFrame Time: 0.0083333").unwrap();
+        for frame in 0..FRAMES {
+            let place = path(frame) * self.unit;
+            write!(text, "{} {} {}", place.x, place.y, place.z).unwrap();
+            // Written in the order in which the joints come in the file.
+            for joint in self.order() {
+                let (z, x, y) = turns(frame, joint).to_euler(EulerRot::ZXY);
+                write!(text, " {} {} {}", z.to_degrees(), x.to_degrees(), y.to_degrees()).unwrap();
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    fn children(joint: usize) -> impl Iterator<Item = usize> {
+        (1..JOINTS).filter(move |child| PARENTS[*child] == joint)
+    }
+
+    fn order(&self) -> Vec<usize> {
+        fn visit(joint: usize, order: &mut Vec<usize>) {
+            order.push(joint);
+            Skeleton::children(joint).for_each(|child| visit(child, order));
+        }
+        let mut order = Vec::new();
+        visit(0, &mut order);
+        order
+    }
+
+    fn write_joint(&self, joint: usize, text: &mut String) {
+        let parent = if joint == 0 { DVec3::ZERO } else { self.places[PARENTS[joint]] };
+        let offset = (self.places[joint] - parent) * self.unit;
+        let (kind, channels) = if joint == 0 {
+            ("ROOT", "6 Xposition Yposition Zposition Zrotation Xrotation Yrotation")
+        } else {
+            ("JOINT", "3 Zrotation Xrotation Yrotation")
+        };
+        writeln!(text, "{kind} {}\n{{\nOFFSET {} {} {}", self.names[joint], offset.x, offset.y, offset.z).unwrap();
+        writeln!(text, "CHANNELS {channels}").unwrap();
+        Self::children(joint).for_each(|child| self.write_joint(child, text));
+        if Self::children(joint).count() == 0 {
+            text.push_str("End Site\n{\nOFFSET 0 1 0\n}\n");
+        }
+        text.push_str("}\n");
+    }
+}
+
+fn is_below(joint: usize, ancestor: usize) -> bool {
+    let mut joint = joint;
+    while joint > ancestor {
+        joint = PARENTS[joint];
+    }
+    joint == ancestor
+}
+
+/// A turn for each joint and frame, up to about half a radian.
+fn turn(frame: usize, joint: usize) -> DQuat {
+    let component = |axis: usize| (((frame * 165 + 3 * joint + axis) % 97) as f64 - 48.0) / 120.0;
+    DQuat::from_scaled_axis(DVec3::new(component(0), component(1), component(2)))
+}
+
+fn path(frame: usize) -> DVec3 {
+    DVec3::new(0.1 * frame as f64, 0.9, -0.2 * frame as f64)
+}
+
+fn rotations(frame: &BodyParameters) -> [PoseAxisAngle; JOINTS] {
+    let (HandPose::Flat(left), HandPose::Flat(right)) = (&frame.left_hand_pose, &frame.right_hand_pose) else {
+        panic!("BVH rotations are absolute");
+    };
+    std::array::from_fn(|joint| match joint {
+        0 => frame.global_orient,
+        1..=21 => frame.body_pose[joint - 1],
+        22 => frame.jaw_pose,
+        23 => frame.left_eye_pose,
+        24 => frame.right_eye_pose,
+        25..=39 => left[joint - 25],
+        _ => right[joint - 40],
+    })
+}
+
+/// Where SMPL-X's joints are, in metres.
+fn posed(frame: &BodyParameters) -> [DVec3; JOINTS] {
+    let rest = RestPose::default().joints().map(|place| place.as_dvec3());
+    let turns = rotations(frame).map(|turn| DQuat::from_scaled_axis(turn.0.as_dvec3()));
+    fk(&rest, |joint| turns[joint], rest[0] + frame.transl.as_dvec3())
+}
+
+fn fk(rest: &[DVec3; JOINTS], turn: impl Fn(usize) -> DQuat, root: DVec3) -> [DVec3; JOINTS] {
+    let (mut places, mut world) = ([root; JOINTS], [DQuat::IDENTITY; JOINTS]);
+    world[0] = turn(0);
+    for joint in 1..JOINTS {
+        let parent = PARENTS[joint];
+        places[joint] = places[parent] + world[parent] * (rest[joint] - rest[parent]);
+        world[joint] = world[parent] * turn(joint);
+    }
+    places
+}
+
+fn read(text: &str) -> xavatar::formats::Result<Motion> {
+    let (_folder, path) = written(text);
+    read_motion(path)
+}
+
+fn written(text: &str) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("walk.bvh");
+    std::fs::write(&path, text).unwrap();
+    (folder, path)
+}
+
+#[test]
+fn turns_of_the_same_skeleton_come_back() {
+    let motion = read(&Skeleton::own().text(turn, path)).unwrap();
+    assert_eq!((motion.frames.len(), motion.frames_per_second, motion.up), (FRAMES, Some(120.0), UpAxis::Y));
+    for (index, frame) in motion.frames.iter().enumerate() {
+        for (joint, found) in rotations(frame).into_iter().enumerate() {
+            let expected = turn(index, joint).to_scaled_axis().as_vec3();
+            assert!(found.0.distance(expected) < 1e-6, "frame {index}, {}: {found:?}", JOINT_NAMES[joint]);
+        }
+        let pelvis = RestPose::default().pelvis();
+        assert!(frame.transl.distance(path(index).as_vec3() - pelvis) < 1e-5);
+    }
+    assert!(motion.notes[0].contains("55 of 55"), "{:?}", motion.notes);
+    assert!(motion.notes.iter().any(|note| note.contains("1 unit is 0.0100 m")), "{:?}", motion.notes);
+}
+
+// Arms that hang at rest, legs apart: a bone of the file and SMPL-X's point the same way in every frame.
+#[test]
+fn bones_point_as_the_files_do_whatever_its_rest_pose() {
+    let mut skeleton = Skeleton::own();
+    for (joint, angle) in [(16, -1.4), (17, 1.4), (1, 0.25), (2, -0.25)] {
+        skeleton = skeleton.bent(joint, DQuat::from_rotation_z(angle));
+    }
+    skeleton = skeleton.bent(18, DQuat::from_rotation_y(-0.4));
+    let motion = read(&skeleton.text(turn, path)).unwrap();
+    assert!(motion.notes.iter().any(|note| note.contains("left_shoulder 80 degrees")), "{:?}", motion.notes);
+    for (index, frame) in motion.frames.iter().enumerate() {
+        let file = fk(&skeleton.places, |joint| turn(index, joint), path(index));
+        let found = posed(frame);
+        for (from, to) in [(1, 4), (4, 7), (5, 8), (16, 18), (18, 20), (17, 19), (19, 21), (25, 26), (52, 53), (12, 15)]
+        {
+            let [expected, found] = [&file, &found].map(|places| (places[to] - places[from]).normalize());
+            assert!(found.distance(expected) < 1e-5, "{} in frame {index}", JOINT_NAMES[from]);
+        }
+    }
+}
+
+// A skeleton that stands along Z and faces -Y (and is 1.7 times as large) is the same person.
+#[test]
+fn the_up_axis_the_facing_and_the_unit_are_found() {
+    let to_z_up = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let mut skeleton = Skeleton::own().turned(to_z_up);
+    skeleton.unit = 1.7;
+    let turns = |frame: usize, joint: usize| to_z_up * turn(frame, joint) * to_z_up.inverse();
+    let text = skeleton.text(turns, |frame| to_z_up * path(frame));
+    let (_folder, file) = written(&text);
+    assert_eq!(read_motion(&file).unwrap().up, UpAxis::Z);
+    let clip = Clip::load(&file, &MotionOptions::default()).unwrap();
+    let expected = read(&Skeleton::own().text(turn, path)).unwrap();
+    for (found, expected) in clip.frames.iter().zip(&expected.frames) {
+        for (found, expected) in rotations(found).iter().zip(rotations(expected)) {
+            assert!(found.0.distance(expected.0) < 1e-5);
+        }
+        assert!(found.transl.distance(expected.transl) < 1e-5, "{} {}", found.transl, expected.transl);
+    }
+}
+
+#[test]
+fn bones_that_have_no_joint_are_reported_and_their_turns_go_on() {
+    let mut skeleton = Skeleton::own();
+    skeleton.names[3] = "Costume".into();
+    let motion = read(&skeleton.text(turn, path)).unwrap();
+    let notes = motion.notes.join("\n");
+    assert!(notes.contains("54 of 55") && notes.contains("Costume"), "{notes}");
+    // Two bones of the back are left, which are the first and the last of SMPL-X's.
+    assert!(notes.contains("follow their parents: spine2"), "{notes}");
+    let whole = read(&Skeleton::own().text(turn, path)).unwrap();
+    for (found, expected) in motion.frames.iter().zip(&whole.frames) {
+        let world = |frame: &BodyParameters| {
+            let back = [0, 3, 6, 9].map(|joint| DQuat::from_scaled_axis(rotations(frame)[joint].0.as_dvec3()));
+            back.into_iter().fold(DQuat::IDENTITY, |world, turn| world * turn)
+        };
+        assert!(world(found).angle_between(world(expected)) < 1e-5, "the chest faces the same way");
+    }
+}
+
+#[test]
+fn bones_of_unknown_names_need_a_map() {
+    let mut skeleton = Skeleton::own();
+    skeleton.names = std::array::from_fn(|joint| format!("bone{joint}"));
+    let text = skeleton.text(turn, path);
+    let (_folder, path) = written(&text);
+    let message = read_motion(&path).unwrap_err().to_string();
+    for word in ["pelvis", "left_shoulder", "--bone-map", "bone17"] {
+        assert!(message.contains(word), "{message}");
+    }
+    let map = |joints: usize| {
+        let pairs = (0..joints).map(|joint| (format!("bone{joint}"), JOINT_NAMES[joint].to_owned()));
+        MotionOptions { bone_map: Some(pairs.collect()), ..MotionOptions::default() }
+    };
+    let clip = Clip::load(&path, &map(22)).unwrap();
+    assert!(clip.frames[1].body_pose[4].0.distance(turn(1, 5).to_scaled_axis().as_vec3()) < 1e-6);
+    assert_eq!(clip.frames[1].left_hand_pose, HandPose::Flat([PoseAxisAngle(Vec3::ZERO); 15]));
+    assert!(Clip::load(&path, &map(18)).unwrap_err().to_string().contains("left_elbow"));
+}

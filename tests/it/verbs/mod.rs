@@ -1,0 +1,6 @@
+//! Whole verbs, run as a user runs them.
+
+mod cli;
+mod render;
+mod rgbd;
+mod view;
