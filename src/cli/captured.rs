@@ -3,10 +3,10 @@
 use clap::ValueEnum;
 use xavatar::body::{BodyModel, PartLabels};
 use xavatar::config::{Config, preset_for_rgbd};
-use xavatar::data::{RgbdFrames, RgbdSubject, Subject};
-use xavatar::train::TrainingFrames;
+use xavatar::data::{CaptureKind, Source, has_only_rgbd, training_captures};
+use xavatar::train::TrainingSpec;
 
-use super::inputs::{SubjectArguments, SubjectFrames, load_body};
+use super::inputs::{SubjectArguments, load_body};
 
 /// A kind of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -20,11 +20,9 @@ pub enum Kind {
 impl Kind {
     /// The kind that was asked for; else scans, unless the folder has only RGB-D frames.
     pub fn of(subject: &SubjectArguments, asked: Option<Self>) -> Self {
-        let has_scans =
-            || Subject::open(&subject.data).is_ok_and(|subject| subject.train.iter().any(|files| files.scan.is_file()));
         match asked {
             Some(kind) => kind,
-            None if RgbdSubject::is_in(&subject.data) && !has_scans() => Self::Rgbd,
+            None if has_only_rgbd(&subject.data) => Self::Rgbd,
             None => Self::Scans,
         }
     }
@@ -43,40 +41,27 @@ impl Kind {
     }
 }
 
-/// Training frames with the body that they are registered with.
+/// Training captures with the body that they are registered with.
 pub struct Captured {
-    frames: Frames,
+    source: Box<dyn Source>,
     pub body: BodyModel,
     pub labels: PartLabels,
 }
 
-enum Frames {
-    Scans(SubjectFrames),
-    Rgbd(RgbdFrames),
-}
-
 impl Captured {
-    /// Finds a subject's training frames of one kind.
+    /// Finds a subject's training captures of one kind.
     pub fn open(arguments: &SubjectArguments, kind: Kind) -> xavatar::Result<Self> {
-        let (frames, gender) = match kind {
-            Kind::Scans => {
-                let subject = Subject::open(&arguments.data)?;
-                (Frames::Scans(SubjectFrames::new(&subject, &subject.train)), subject.gender)
-            }
-            Kind::Rgbd => {
-                let subject = RgbdSubject::open(&arguments.data)?;
-                (Frames::Rgbd(subject.training_frames()), subject.gender)
-            }
+        let kind = match kind {
+            Kind::Scans => CaptureKind::Scans,
+            Kind::Rgbd => CaptureKind::Rgbd,
         };
-        let (body, labels) = load_body(&arguments.body, gender)?;
-        Ok(Self { frames, body, labels })
+        let source = training_captures(&arguments.data, kind)?;
+        let (body, labels) = load_body(&arguments.body, source.gender())?;
+        Ok(Self { source, body, labels })
     }
 
-    /// The frames, for a trainer.
-    pub fn frames(&self) -> TrainingFrames<'_> {
-        match &self.frames {
-            Frames::Scans(frames) => TrainingFrames::Scans(frames),
-            Frames::Rgbd(frames) => TrainingFrames::Rgbd(frames),
-        }
+    /// All that a run takes.
+    pub fn spec<'a>(&'a self, config: &'a Config) -> TrainingSpec<'a> {
+        TrainingSpec { config, source: self.source.as_ref(), body: &self.body, labels: &self.labels }
     }
 }

@@ -6,7 +6,7 @@ use anyhow::bail;
 use xavatar::avatar::Avatar;
 use xavatar::config::Config;
 use xavatar::report::{REPORT_FILE, Report, machine};
-use xavatar::train::{Ending, Trainer};
+use xavatar::runs::{Ending, Run};
 
 use super::captured::{Captured, Kind};
 use super::inputs::SubjectArguments;
@@ -52,9 +52,8 @@ impl Train {
         let stop = stop::on_interrupt()?;
         let mut progress = Progress::new();
         log::info!("part labels: {}", opened.labels.source);
-        let begin = if self.resume { Trainer::resume } else { Trainer::start };
-        let mut trainer = begin(&config, opened.frames(), &opened.body, &opened.labels, &self.out, &mut progress)?;
-        let ending = trainer.run(stop, &mut progress)?;
+        let run = Run::open(&self.out, opened.spec(&config))?;
+        let ending = run.train(stop, &mut progress)?;
         progress.finish();
         let (data, body, out) = (self.subject.data.display(), self.subject.body.display(), self.out.display());
         if ending == Ending::Stopped {
@@ -62,7 +61,7 @@ impl Train {
             return Ok(Outcome::Stopped);
         }
         outputs::print(&format!("{}\n", self.out.join(Avatar::FILE).display()))?;
-        let report = self.write_report(&trainer.avatar()?, &opened)?;
+        let report = self.write_report(&run.avatar()?, &opened)?;
         log::info!("report: {}", report.display());
         log::info!(
             "try next\n  xavatar eval {out} {data} --body {body} --split test --baseline smplx+d\n  \
@@ -104,7 +103,7 @@ impl Train {
 
     /// The run's own. Settings other than those that it was started with are refused: they would have no effect.
     fn configuration_of_run(&self) -> anyhow::Result<Config> {
-        let run = Trainer::configuration(&self.out)?;
+        let run = Run::configuration(&self.out)?;
         let kind = Kind::of_run(&run);
         if self.from.is_some_and(|from| from != kind) {
             bail!("{}: the run was started from other frames; leave --from away to resume it", self.out.display());

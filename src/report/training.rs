@@ -6,7 +6,8 @@ use super::chart::{Chart, grouped, number};
 use super::page::{Curve, Picture};
 use super::picture::{data_uri, read_png};
 use crate::Result;
-use crate::train::{NotedStep, Stage, has_notes, noted_steps, previews};
+use crate::runs::{NotedStep, has_notes, noted_steps, previews};
+use crate::train::Stage;
 
 /// Previews that are shown, evenly spaced over the run.
 const PREVIEWS: usize = 6;

@@ -21,7 +21,7 @@ pub use write::write_subject;
 pub(super) use frame::parameters_of;
 pub(super) use write::{create_folder, write_common, write_parameters};
 
-use super::{FrameFiles, FrameId};
+use super::{FrameFiles, FrameId, ScanFrames, Split};
 use xavatar_body::Gender;
 use xavatar_formats::{Error, Result, read_npy, read_text};
 
@@ -72,6 +72,24 @@ impl Subject {
             });
         }
         Ok(subject)
+    }
+
+    /// The training frames as a source.
+    pub fn training_frames(&self) -> ScanFrames {
+        self.frames(Split::Train)
+    }
+
+    /// The frames of one split.
+    pub fn files(&self, split: Split) -> &[FrameFiles] {
+        match split {
+            Split::Train => &self.train,
+            Split::Test => &self.test,
+        }
+    }
+
+    /// The frames of one split as a source.
+    pub fn frames(&self, split: Split) -> ScanFrames {
+        ScanFrames::new(self, self.files(split))
     }
 }
 

@@ -7,3 +7,5 @@ mod export;
 mod mannequin;
 mod render;
 mod rgbd_training;
+mod runs;
+mod training;

@@ -1,9 +1,8 @@
 //! Body parameters as arrays, hands in the convention that they came in.
 
 use super::{Stored, rows};
-use crate::Result;
 use crate::body::{BodyParameters, HandPose, PoseAxisAngle};
-use crate::formats::{Array, ArrayMap};
+use crate::formats::{Array, ArrayMap, Result};
 
 pub(super) fn insert(arrays: &mut ArrayMap, parameters: &BodyParameters) {
     let joints = [parameters.global_orient].into_iter().chain(parameters.body_pose).chain([
