@@ -1,5 +1,7 @@
 //! The three fields of an avatar together, their parameters and gradients.
 
+mod condition;
+
 use glam::Vec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -9,23 +11,11 @@ use xavatar_network::{
     TextureField,
 };
 
+pub use self::condition::Condition;
+
 use crate::Result;
-use crate::body::{BodyParameters, PARENTS};
+use crate::body::Skeleton;
 use crate::config::{FieldSettings, SkinningShape};
-
-/// Entries of the condition c = [theta_b / pi, psi]: 63 of the body pose, 10 of the expression.
-pub const CONDITION: usize = 73;
-
-/// The condition of a pose and expression.
-pub fn condition(parameters: &BodyParameters) -> Vec<f32> {
-    let pose = parameters.body_pose.iter().flat_map(|joint| (joint.0 / std::f32::consts::PI).to_array());
-    pose.chain(parameters.expression).collect()
-}
-
-/// The SMPL-X kinematic tree, for [`Skinning::network`].
-pub fn skeleton_parents() -> Vec<Option<usize>> {
-    PARENTS.iter().enumerate().map(|(joint, parent)| (joint > 0).then_some(*parent)).collect()
-}
 
 /// The field of skinning weights.
 #[derive(Clone, Debug)]
@@ -37,12 +27,12 @@ pub enum Skinning<T> {
 }
 
 impl<T: Real> Skinning<T> {
-    /// A network over the SMPL-X skeleton, all parameters zero.
+    /// A network over a skeleton, all parameters zero.
     ///
     /// # Errors
     /// If an extent is out of range.
-    pub fn network(shape: &SkinningShape) -> Result<Self> {
-        let tree = KinematicTree::new(&skeleton_parents())?;
+    pub fn network(shape: &SkinningShape, skeleton: &Skeleton) -> Result<Self> {
+        let tree = KinematicTree::new(&skeleton.parents)?;
         let field = SkinningField::new(tree, shape.depth, shape.width, shape.frequencies, shape.blend.into())?;
         Ok(Self::Network(field))
     }
@@ -105,9 +95,14 @@ impl<T: Real> Fields<T> {
     ///
     /// # Errors
     /// If an extent is out of range.
-    pub fn new(settings: &FieldSettings, skinning: Skinning<T>, bounds: (Vec3, Vec3)) -> Result<Self> {
+    pub fn new(
+        settings: &FieldSettings,
+        condition: &Condition,
+        skinning: Skinning<T>,
+        bounds: (Vec3, Vec3),
+    ) -> Result<Self> {
         let bounds = Bounds { lowest: bounds.0.to_array(), highest: bounds.1.to_array() };
-        let geometry = GeometryField::new(&settings.geometry, CONDITION, settings.representation, bounds)?;
+        let geometry = GeometryField::new(&settings.geometry, condition.width(), settings.representation, bounds)?;
         let texture =
             TextureField::new(&settings.texture, settings.geometry.embedded, settings.geometry.width, bounds)?;
         Ok(Self { geometry, texture, skinning })

@@ -13,11 +13,11 @@ use xavatar_deformer::{BakedWeights, StartGroups};
 
 use super::shading::{Posing, shade};
 use super::{Avatar, Extraction};
-use crate::body::{BodyModel, BodyParameters, PartLabels, Registration};
+use crate::body::{BodyModel, PartLabels, Pose, Registration};
 use crate::canonical_grid::CanonicalGrid;
 use crate::config::SkinningSettings;
-use crate::correspondence::{Correspondence, PosedField, PosedWarp, bake, bone_rows, part_label, union_start_groups};
-use crate::fields::{Skinning, condition};
+use crate::correspondence::{Correspondence, PosedField, PosedWarp, bake, bone_rows, union_start_groups};
+use crate::fields::Skinning;
 use crate::mesh::{Component, ExtractedSurface, extract, largest_component};
 use crate::{Error, Result};
 
@@ -42,9 +42,10 @@ impl<'a> Animator<'a> {
     /// Makes `avatar` ready to be posed by `body`, whose vertices' parts are `labels`.
     ///
     /// # Errors
-    /// If the skinning field cannot be baked on the configured grid.
+    /// If the body is of another skeleton, or the skinning field cannot be baked on the configured grid.
     pub fn new(avatar: &'a Avatar, body: &'a BodyModel, labels: &'a PartLabels) -> Result<Self> {
-        let groups = union_start_groups(avatar.config.starts)?;
+        avatar.subject.skeleton.require(body.skeleton(), "the body model")?;
+        let groups = union_start_groups(avatar.config.starts, body.skeleton())?;
         let baked = bake(&avatar.fields.skinning, avatar.config.searched_field, avatar.subject.bounds)?;
         let mut skinning = avatar.fields.skinning.clone();
         let mut grid = None;
@@ -58,20 +59,25 @@ impl<'a> Animator<'a> {
         Ok(Self { avatar, body, labels, groups, baked, skinning, grid })
     }
 
-    /// The surface posed by `parameters`, in the avatar's own shape: without hidden surfaces; in the world. `resolution` cells
-    /// along the longest side of the box around the posed body.
+    /// The avatar.
+    pub fn avatar(&self) -> &'a Avatar {
+        self.avatar
+    }
+
+    /// The surface in a pose, in the avatar's own shape: without hidden surfaces; in the world. `resolution` cells along the
+    /// longest side of the box around the posed body.
     ///
     /// # Errors
-    /// As [`Avatar::extract_canonical`], and if the parameters do not fit the body model.
-    pub fn extract(&self, parameters: &BodyParameters, resolution: usize) -> Result<Extraction> {
+    /// As [`Avatar::extract_canonical`], and if the pose does not fit the body model.
+    pub fn extract(&self, pose: &Pose, resolution: usize) -> Result<Extraction> {
         let Avatar { fields, config, subject, .. } = self.avatar;
-        let parameters = BodyParameters { betas: subject.betas, ..parameters.clone() };
+        let pose = pose.in_shape(&subject.betas);
         let vertices: Vec<Vec3> =
-            self.body.pose(&parameters)?.vertices.iter().map(|vertex| *vertex - parameters.transl).collect();
-        let embedded = fields.geometry.mlp.embed(&condition(&parameters));
-        let bones = bone_rows(&self.body.canonical_to_posed(&parameters)?);
+            self.body.pose(&pose)?.vertices.iter().map(|vertex| *vertex - pose.translation).collect();
+        let embedded = fields.geometry.mlp.embed(&self.avatar.condition().of(&pose));
+        let bones = bone_rows(&self.body.canonical_to_posed(&pose)?);
         let offsets = match &self.grid {
-            Some(grid) => Some(grid.node_offsets(&self.body.canonical_offsets(&parameters)?)),
+            Some(grid) => Some(grid.node_offsets(&self.body.canonical_offsets(&pose)?)),
             None => None,
         };
         let warp = PosedWarp::new(&self.skinning, self.baked.as_ref(), &bones, offsets.as_deref())?;
@@ -104,7 +110,7 @@ impl<'a> Animator<'a> {
             .map(|(vertex, index)| canonical_guess(*vertex, edges[*index as usize], &roots))
             .collect();
         shade(fields, &embedded, &Posing::Deformed(&warp), &canonical, &mut mesh)?;
-        mesh.vertices.iter_mut().for_each(|vertex| *vertex += parameters.transl);
+        mesh.vertices.iter_mut().for_each(|vertex| *vertex += pose.translation);
         Ok(Extraction { mesh, dropped_components: others })
     }
 }
@@ -145,7 +151,7 @@ impl Queries<'_> {
         let nearest: Vec<_> = points.par_iter().map(|point| self.registration.nearest(*point)).collect();
         let near: Vec<usize> = (0..points.len()).filter(|index| nearest[*index].1 < REACH).collect();
         let targets: Vec<_> = near.iter().map(|index| points[*index].to_array()).collect();
-        let labels: Vec<_> = near.iter().map(|index| part_label(nearest[*index].0)).collect();
+        let labels: Vec<_> = near.iter().map(|index| nearest[*index].0.0).collect();
         let found = self.posed.correspondences(&targets, &labels)?;
         Ok(near.into_iter().zip(found).filter_map(|(index, found)| Some((index, found?))).collect())
     }

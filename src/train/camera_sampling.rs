@@ -12,7 +12,6 @@ use rayon::prelude::*;
 use super::camera_view::{CameraView, Drawn, Knowledge};
 use super::sampling::PosedSamples;
 use crate::config::{Config, SamplingStrategy};
-use crate::correspondence::part_label;
 
 /// How far before what is seen free points are drawn, metres.
 const FREE_REACH: f32 = 0.3;
@@ -53,7 +52,7 @@ pub(super) fn draw(view: &CameraView, config: &Config, random: &mut ChaCha8Rng) 
             let deviation = if wide { sampling.wide_deviation } else { sampling.deviation };
             let noise = Vec3::from_array(std::array::from_fn(|_| random.sample(StandardNormal)));
             let off = position + deviation * noise;
-            drawn.push(OnSurface { position, normal, colour, label: part_label(part), is_registered, off });
+            drawn.push(OnSurface { position, normal, colour, label: part.0, is_registered, off });
         }
     }
     let mut samples = PosedSamples::default();
@@ -89,8 +88,7 @@ pub(super) fn draw(view: &CameraView, config: &Config, random: &mut ChaCha8Rng) 
     }
     if free_space {
         let air: Vec<Vec3> = (0..settings.free_points).filter_map(|_| point_on_ray(view, random)).collect();
-        let known: Vec<_> =
-            air.par_iter().map(|point| (view.knowledge(*point), part_label(view.part(*point)))).collect();
+        let known: Vec<_> = air.par_iter().map(|point| (view.knowledge(*point), view.part(*point).0)).collect();
         for (point, (known, label)) in air.into_iter().zip(known) {
             if let Knowledge::Outside(bound) | Knowledge::Distance(bound) = known {
                 add_free(&mut samples, point, label, bound, truncation);

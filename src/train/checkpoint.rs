@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use xavatar_deformer::{Axis, Grid, VoxelSkinning};
 use xavatar_network::Adam;
 
-use crate::body::JOINTS;
 use crate::fields::{FIELD_NAMES, Fields, Skinning};
 use crate::{Error, InputError, Result};
 use xavatar_formats::TensorFile;
@@ -174,8 +173,8 @@ pub(crate) fn insert_parameters(file: &mut TensorFile, fields: &Fields<f32>) {
     }
 }
 
-/// A skinning field on a grid as [`insert_parameters`] stored it in the file at `path`.
-pub(crate) fn load_voxels(file: &TensorFile, path: &Path) -> Result<VoxelSkinning<f32>> {
+/// A skinning field of `joints` joints on a grid, as [`insert_parameters`] stored it in the file at `path`.
+pub(crate) fn load_voxels(file: &TensorFile, path: &Path, joints: usize) -> Result<VoxelSkinning<f32>> {
     let broken = |name: &str| {
         Error::from(InputError::Malformed {
             path: path.into(),
@@ -197,7 +196,7 @@ pub(crate) fn load_voxels(file: &TensorFile, path: &Path) -> Result<VoxelSkinnin
         }
         rows.push(row);
     }
-    Ok(VoxelSkinning::from_logits(grid, JOINTS, &rows, values(LOGITS)?.to_vec())?)
+    Ok(VoxelSkinning::from_logits(grid, joints, &rows, values(LOGITS)?.to_vec())?)
 }
 
 /// Replaces the parameters of all fields by those stored under `field.parameter`.

@@ -14,6 +14,7 @@ mod frame_store;
 mod history;
 pub mod losses;
 mod metrics_log;
+mod part_shares;
 mod prepared;
 mod pretraining;
 mod preview;

@@ -16,10 +16,10 @@ use super::curve::Curve;
 use super::distance_grid::DistanceGrid;
 use super::losses::{CanonicalBatch, WeightTargets};
 use crate::Result;
-use crate::body::{BodyModel, Bone, JOINTS, Part, PartLabels, joint_weights};
+use crate::body::{BodyModel, PartLabels, Role, Skeleton};
 use crate::canonical_grid::{CERTAINLY_OUTSIDE, canonical_box};
 use crate::config::{Config, LossSettings};
-use crate::fields::CONDITION;
+use crate::fields::Condition;
 use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
 
 /// Expressions whose canonical bodies are kept ready.
@@ -46,9 +46,12 @@ const IDENTITY: BoneTransform<f32> = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.
 pub(super) struct CanonicalBody<'a> {
     weights: &'a [f32],
     vertices: Vec<[f32; 3]>,
-    joints: [Vec3; JOINTS],
+    skeleton: &'a Skeleton,
+    condition: Condition,
+    joints: Vec<Vec3>,
     bone_points: Vec<[f32; 3]>,
-    hands_and_face: Vec<usize>,
+    /// Vertices of hands and face (or whatever is finer than the body).
+    fine: Vec<usize>,
     expressions: Vec<ExpressiveBody>,
     /// Of the body without expression.
     distances: DistanceGrid,
@@ -60,24 +63,27 @@ pub(super) struct CanonicalBody<'a> {
 
 /// The canonical body of one expression.
 struct ExpressiveBody {
-    expression: [f32; 10],
+    expression: Vec<f32>,
     mesh: TriangleMesh,
     solid: SolidIndex,
     sampler: SurfaceSampler,
 }
 
 impl<'a> CanonicalBody<'a> {
-    pub fn new(body: &'a BodyModel, labels: &PartLabels, betas: &[f32; 10], config: &Config) -> Result<Self> {
-        let joints = body.canonical_joints(betas)?;
+    pub fn new(body: &'a BodyModel, labels: &PartLabels, betas: &[f32], config: &Config) -> Result<Self> {
+        let (skeleton, joints) = (body.skeleton(), body.canonical_joints(betas)?);
+        let condition = Condition::new(skeleton, body.expression_coefficients());
         let mut random = ChaCha8Rng::seed_from_u64(config.seed);
-        let mut expression = [0.0; 10];
-        let mut expressions = Vec::with_capacity(EXPRESSIONS);
-        for _ in 0..EXPRESSIONS {
+        let count = if condition.expressions() > 0 { EXPRESSIONS } else { 1 };
+        let mut expression = vec![0.0; condition.expressions()];
+        let mut expressions = Vec::with_capacity(count);
+        for _ in 0..count {
             let mut mesh = body.mesh(body.canonical_vertices(betas, &expression)?);
             mesh.normals = Some(mesh.vertex_normals());
             let (solid, sampler) = (SolidIndex::new(&mesh)?, SurfaceSampler::new(&mesh, None)?);
+            let next = expression.iter().map(|_| random.sample::<f32, _>(StandardNormal)).collect();
+            let expression = std::mem::replace(&mut expression, next);
             expressions.push(ExpressiveBody { expression, mesh, solid, sampler });
-            expression = std::array::from_fn(|_| random.sample::<f32, _>(StandardNormal));
         }
         let (low, high) = canonical_box(&expressions[0].mesh.vertices);
         let distances = DistanceGrid::new(&expressions[0].solid, low, high);
@@ -85,17 +91,20 @@ impl<'a> CanonicalBody<'a> {
         Ok(Self {
             weights: body.skinning_weights(),
             vertices: expressions[0].mesh.vertices.iter().map(Vec3::to_array).collect(),
-            bone_points: Bone::of_joints(&joints)
+            bone_points: skeleton
+                .bones(&joints)
                 .iter()
                 .flat_map(|bone| bone.points(points_a_bone))
                 .map(|p| p.to_array())
                 .collect(),
-            joints,
-            hands_and_face: (0..labels.parts.len()).filter(|vertex| labels.parts[*vertex] != Part::Body).collect(),
+            fine: (0..labels.parts.len()).filter(|vertex| skeleton.role(labels.parts[*vertex]) != Role::Body).collect(),
             deep_places: match distances.nodes_below(-CERTAINLY_INSIDE) {
-                deep if deep.is_empty() => joints.to_vec(),
+                deep if deep.is_empty() => joints.clone(),
                 deep => deep,
             },
+            skeleton,
+            condition,
+            joints,
             distances,
             expressions,
             unseen: None,
@@ -126,13 +135,13 @@ impl<'a> CanonicalBody<'a> {
         batch.bone_points.clone_from(&self.bone_points);
         batch.joint_weights = WeightTargets {
             points: self.joints.iter().map(Vec3::to_array).collect(),
-            weights: (0..JOINTS).flat_map(joint_weights).collect(),
+            weights: (0..self.joints.len()).flat_map(|joint| self.skeleton.joint_weights(joint)).collect(),
         };
         let mut targets = WeightTargets::default();
-        for _ in 0..count.min(self.hands_and_face.len()) {
-            let vertex = self.hands_and_face[random.random_range(0..self.hands_and_face.len())];
+        for _ in 0..count.min(self.fine.len()) {
+            let vertex = self.fine[random.random_range(0..self.fine.len())];
             targets.points.push(self.vertices[vertex]);
-            targets.weights.extend_from_slice(&self.weights[vertex * JOINTS..(vertex + 1) * JOINTS]);
+            targets.weights.extend_from_slice(self.weights_of(vertex));
         }
         batch.surface_weights = targets;
         batch.volume_weights = self.volume(count, random);
@@ -150,9 +159,10 @@ impl<'a> CanonicalBody<'a> {
             }
         };
         let points: Vec<Vec3> = (0..count).map(&mut draw).collect();
+        let joints = self.joints.len();
         let weights = body.solid.surface().closest_to_each(&points).into_iter().flat_map(|closest| {
-            let corners = body.mesh.faces[closest.face as usize].map(|vertex| vertex as usize * JOINTS);
-            std::array::from_fn::<f32, JOINTS, _>(|joint| {
+            let corners = body.mesh.faces[closest.face as usize].map(|vertex| vertex as usize * joints);
+            (0..joints).map(move |joint| -> f32 {
                 corners.iter().zip(closest.barycentric).map(|(start, share)| share * self.weights[start + joint]).sum()
             })
         });
@@ -206,10 +216,11 @@ impl<'a> CanonicalBody<'a> {
     pub fn batch(&self, config: &Config, random: &mut ChaCha8Rng) -> CanonicalBatch<f32> {
         let body = &self.expressions[random.random_range(0..self.expressions.len())];
         let settings = &config.sampling;
-        let mut batch = CanonicalBatch { bones: vec![IDENTITY; JOINTS], ..CanonicalBatch::default() };
-        let angles = CONDITION - body.expression.len();
-        batch.condition.extend((0..angles).map(|_| POSE_SPREAD * random.sample::<f32, _>(StandardNormal)));
-        batch.condition.extend(body.expression);
+        let mut batch = CanonicalBatch { bones: vec![IDENTITY; self.joints.len()], ..CanonicalBatch::default() };
+        batch
+            .condition
+            .extend((0..self.condition.angles()).map(|_| POSE_SPREAD * random.sample::<f32, _>(StandardNormal)));
+        batch.condition.extend(&body.expression);
         self.anchor(WEIGHT_POINTS, random, &mut batch);
 
         let mut off = Vec::with_capacity(settings.points + settings.uniform_points);
@@ -241,7 +252,7 @@ impl<'a> CanonicalBody<'a> {
         for _ in 0..WEIGHT_POINTS {
             let vertex = random.random_range(0..self.vertices.len());
             batch.surface_weights.points.push(self.vertices[vertex]);
-            batch.surface_weights.weights.extend_from_slice(&self.weights[vertex * JOINTS..(vertex + 1) * JOINTS]);
+            batch.surface_weights.weights.extend_from_slice(self.weights_of(vertex));
         }
         batch.eikonal_points = self.around(config.losses.eikonal_points, settings.wide_deviation, random);
         batch
@@ -262,9 +273,14 @@ impl<'a> CanonicalBody<'a> {
         self.distances.at(point)
     }
 
-    /// The canonical joints.
-    pub fn joints(&self) -> &[Vec3; JOINTS] {
-        &self.joints
+    /// What the geometry is told of a pose.
+    pub fn condition(&self) -> &Condition {
+        &self.condition
+    }
+
+    /// The skinning weights (J) of a vertex.
+    fn weights_of(&self, vertex: usize) -> &[f32] {
+        &self.weights[vertex * self.joints.len()..][..self.joints.len()]
     }
 }
 

@@ -13,7 +13,6 @@ use xavatar_network::Representation;
 use super::curve::Curve;
 use super::prepared::{ScanSupervision, Source};
 use crate::config::{SamplingSettings, SamplingStrategy};
-use crate::correspondence::part_label;
 use crate::mesh::SurfacePoint;
 
 /// Points of one posed frame.
@@ -64,7 +63,7 @@ pub(super) fn draw(
             let deviation = if wide { settings.wide_deviation } else { settings.deviation };
             let noise = Vec3::from_array(std::array::from_fn(|_| random.sample(StandardNormal)));
             let off = position + deviation * noise;
-            drawn.push(OnSurface { source: region.source, label: part_label(label), place, off });
+            drawn.push(OnSurface { source: region.source, label: label.0, place, off });
         }
     }
     // Neighbours in space are then neighbours in every search that follows.
@@ -102,7 +101,7 @@ pub(super) fn draw(
         .collect();
     let far: Vec<_> = uniform
         .par_iter()
-        .map(|point| (target(Source::Scan, *point, truncation), part_label(frame.registration.nearest(*point).0)))
+        .map(|point| (target(Source::Scan, *point, truncation), frame.registration.nearest(*point).0.0))
         .collect();
 
     let mut samples = PosedSamples::default();

@@ -25,7 +25,7 @@ use super::{Stage, StepRecord};
 use crate::canonical_grid::CERTAINLY_OUTSIDE;
 use crate::config::{Assignment, Config, SearchedField};
 use crate::correspondence::{PosedField, PosedWarp, bake};
-use crate::fields::{CONDITION, Skinning};
+use crate::fields::Skinning;
 use crate::{Error, Result};
 
 /// Vertices of hands and face whose weights are supervised at each step.
@@ -63,7 +63,7 @@ impl<'a> Order<'a> {
         let begin = Instant::now();
         let Self { place, epoch, frame, config, representation, mut random } = self;
         let dropped = random.random::<f64>() < config.fields.condition_dropout;
-        let condition = if dropped { vec![0.0; CONDITION] } else { frame.condition.clone() };
+        let condition = if dropped { vec![0.0; frame.condition.len()] } else { frame.condition.clone() };
         let truncation = config.losses.truncation as f32;
         let samples = match &frame.supervision {
             Supervision::Scan(scan) => sampling::draw(scan, &config.sampling, representation, truncation, &mut random),

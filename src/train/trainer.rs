@@ -140,22 +140,22 @@ impl<'a> Trainer<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Self> {
         let started = Instant::now();
-        let mut canonical = CanonicalBody::new(body, labels, &frames.betas(), config)?;
+        let mut canonical = CanonicalBody::new(body, labels, frames.betas(), config)?;
         let groups = match config.fields.skinning {
-            SkinningSettings::Network(_) => start_groups(config.starts)?,
+            SkinningSettings::Network(_) => start_groups(config.starts, body.skeleton())?,
             // Pruned starts cost little: a point beside a hand finds the hand's root, and the body's.
-            SkinningSettings::Voxels(_) => union_start_groups(config.starts)?,
+            SkinningSettings::Voxels(_) => union_start_groups(config.starts, body.skeleton())?,
         };
         let (skinning, grid) = match &config.fields.skinning {
-            SkinningSettings::Network(shape) => (Skinning::network(shape)?, None),
+            SkinningSettings::Network(shape) => (Skinning::network(shape, body.skeleton())?, None),
             SkinningSettings::Voxels(shape) => {
-                let grid = CanonicalGrid::new(body, labels, &frames.betas(), *shape)?;
+                let grid = CanonicalGrid::new(body, labels, frames.betas(), *shape)?;
                 let mut voxels = grid.skinning(body)?;
                 grid.prune_starts(&mut voxels, &groups)?;
                 (Skinning::Voxels(voxels), Some(grid))
             }
         };
-        let mut fields = Fields::new(&config.fields, skinning, canonical.bounds())?;
+        let mut fields = Fields::new(&config.fields, canonical.condition(), skinning, canonical.bounds())?;
         fields.initialise(config.seed);
         let voxel_gradient = fields.skinning.voxels().map_or(Vec::new(), VoxelSkinning::zero_gradient);
         let mut adam: Vec<_> = fields.networks().iter().map(|network| Adam::new(network.parameters().len())).collect();
@@ -179,13 +179,7 @@ impl<'a> Trainer<'a> {
         }
         let store = FrameStore::open(config, frames, body, labels, run, observer)?;
         canonical.stand_in(store.seen_vertices());
-        let subject = Subject {
-            gender: frames.gender(),
-            betas: frames.betas(),
-            joints: canonical.joints().to_vec(),
-            bounds,
-            frames: store.len(),
-        };
+        let subject = Subject::of(body, frames.gender(), frames.betas(), bounds, store.len())?;
         Ok(Self {
             losses: LossEvaluator::new(&state.fields, rayon::current_num_threads()),
             metrics: MetricsLog::open(run, (state.progress.pretraining_steps + state.progress.steps) as usize)?,
@@ -388,11 +382,11 @@ impl<'a> Trainer<'a> {
     /// The first frame beside the avatar in the same pose.
     fn preview(&self, observer: &mut dyn Observer) -> Result<()> {
         let frame = self.frames.read(0)?;
-        let extracted =
-            match self.avatar().extract_posed(self.body, self.labels, frame.parameters(), PREVIEW_RESOLUTION) {
-                Err(Error::NoSurface { .. }) => return Ok(()),
-                extracted => extracted?,
-            };
+        let pose = self.body.resolve(frame.parameters())?;
+        let extracted = match self.avatar().extract_posed(self.body, self.labels, &pose, PREVIEW_RESOLUTION) {
+            Err(Error::NoSurface { .. }) => return Ok(()),
+            extracted => extracted?,
+        };
         let folder = self.run.join(PREVIEWS);
         fs::create_dir_all(&folder).map_err(InputError::io(&folder))?;
         let path = folder.join(format!("step-{:08}.png", self.state.progress.steps));

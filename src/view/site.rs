@@ -53,18 +53,20 @@ impl<'a> Site<'a> {
         if !content_type.split(';').next().unwrap_or_default().trim().eq_ignore_ascii_case("application/json") {
             return Response::text(Status::UnsupportedMediaType, "expected Content-Type: application/json");
         }
-        let pose = match PoseRequest::parse(&request.body) {
-            Ok(pose) => pose,
+        let animator = animator.lock().unwrap_or_else(PoisonError::into_inner);
+        let wanted = PoseRequest::parse(&request.body);
+        let wanted = wanted.and_then(|wanted| Ok((wanted.pose(&animator.avatar().subject)?, wanted.resolution)));
+        let (pose, resolution) = match wanted {
+            Ok(wanted) => wanted,
             Err(error) => return Response::text(Status::UnprocessableContent, error),
         };
-        let animator = animator.lock().unwrap_or_else(PoisonError::into_inner);
         let begin = Instant::now();
-        match animator.extract(&pose.body_parameters(), pose.resolution) {
+        match animator.extract(&pose, resolution) {
             Ok(extraction) => Response {
                 status: Status::Ok,
                 content_type: "application/octet-stream",
                 fields: Vec::new(),
-                body: encode_mesh(&extraction.mesh, pose.resolution, begin.elapsed().as_secs_f32()),
+                body: encode_mesh(&extraction.mesh, resolution, begin.elapsed().as_secs_f32()),
             },
             Err(error @ Error::NoSurface { .. }) => Response::text(Status::UnprocessableContent, error),
             Err(error) => Response::text(Status::InternalServerError, error),

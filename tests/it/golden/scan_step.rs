@@ -5,8 +5,9 @@ use std::collections::HashMap;
 
 use candle_core::{DType, Device, Tensor};
 use glam::Vec3;
+use xavatar::body::smplx;
 use xavatar::config::{Config, FieldSettings, SkinningSettings, SkinningShape};
-use xavatar::fields::{CONDITION, Fields, Skinning};
+use xavatar::fields::{Condition, Fields, Skinning};
 use xavatar::train::losses::{CanonicalBatch, LossEvaluator, WeightTargets};
 use xavatar_network::{GeometryShape, Mlp, Representation, TextureShape};
 
@@ -43,8 +44,9 @@ fn losses_and_gradients_match() {
         skinning: SkinningSettings::Network(skinning.clone()),
         condition_dropout: 0.0,
     };
-    let mut fields =
-        Fields::<f64>::new(&settings, Skinning::network(&skinning).unwrap(), (Vec3::NEG_ONE, Vec3::ONE)).unwrap();
+    let condition = Condition::new(smplx::skeleton(), smplx::EXPRESSIONS);
+    let skinning = Skinning::network(&skinning, smplx::skeleton()).unwrap();
+    let mut fields = Fields::<f64>::new(&settings, &condition, skinning, (Vec3::NEG_ONE, Vec3::ONE)).unwrap();
     let prefixes = ["shape", "texture", "skin"];
     for (network, prefix) in fields.networks_mut().into_iter().zip(prefixes) {
         let parameters = golden.parameters(prefix, network);
@@ -73,7 +75,7 @@ fn losses_and_gradients_match() {
         free_bounds: Vec::new(),
         implicit_gradient: true,
     };
-    assert_eq!(batch.condition.len(), CONDITION);
+    assert_eq!(batch.condition.len(), condition.width());
     let losses = Config::preset("paper-scan").unwrap().losses;
 
     for threads in [1, 3] {
