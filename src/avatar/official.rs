@@ -266,7 +266,7 @@ impl Networks {
             path: self.path.clone(),
             found,
             expected: expected.into(),
-            remedy: format!("pass an {CHECKPOINT} of a SMPL-X subject (.pth, or Lightning's .ckpt)"),
+            remedy: format!("pass an {CHECKPOINT} of a SMPL-X subject (.pth, or Lightning's .ckpt)").into(),
         })
     }
 }

@@ -163,6 +163,6 @@ fn require_own_body(avatar: &Avatar, body: &BodyModel) -> Result<()> {
         path: body.path().into(),
         found: format!("a body model whose joints are up to {:.1} mm from the avatar's", 1000.0 * farthest),
         expected: "the model that the avatar was trained with".into(),
-        remedy: format!("pass that model, of gender {}, or none", avatar.subject.gender),
+        remedy: format!("pass that model, of gender {}, or none", avatar.subject.gender).into(),
     }))
 }

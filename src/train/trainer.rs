@@ -26,6 +26,7 @@ use crate::canonical_grid::CanonicalGrid;
 use crate::config::{Config, SkinningSettings};
 use crate::correspondence::{bake, start_groups, union_start_groups};
 use crate::fields::{Fields, Skinning};
+use crate::formats::{Choice, Remedy};
 use crate::render::write_png;
 use crate::{Error, InputError, Result};
 use xavatar_formats::write_atomically;
@@ -90,10 +91,11 @@ impl<'a> Trainer<'a> {
         frames.check(config)?;
         fs::create_dir_all(run).map_err(InputError::io(run))?;
         if fs::read_dir(run).map_err(InputError::io(run))?.next().is_some() {
-            return Err(Error::from(InputError::Value {
-                name: format!("the run folder {}", run.display()),
-                found: "not empty".into(),
-                expected: "a new or empty folder; continue a run with --resume".into(),
+            return Err(Error::from(InputError::Mismatch {
+                path: run.into(),
+                found: "a folder that is not empty".into(),
+                expected: "a new or empty one".into(),
+                remedy: Remedy::choosing(Choice::ContinueRun, "name a new folder, or continue the run that is there"),
             }));
         }
         let text = config.to_toml()?;
@@ -110,7 +112,7 @@ impl<'a> Trainer<'a> {
             return Err(Error::from(InputError::Missing {
                 path: run.into(),
                 what: format!("a run to resume ({CONFIG})"),
-                remedy: "start one without --resume".into(),
+                remedy: Remedy::choosing(Choice::StartRun, "start one"),
             }));
         }
         Config::read(&run.join(CONFIG))
