@@ -5,11 +5,11 @@
 
 use glam::Vec3;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use xavatar_deformer::{Axis, Grid, StartGroups, VoxelSkinning};
 
 use crate::Result;
 use crate::body::{BodyModel, JOINTS, Part, PartLabels};
+use crate::config::VoxelShape;
 use crate::mesh::SolidIndex;
 
 /// Room around the canonical body for clothes and hair, metres.
@@ -21,17 +21,8 @@ const FINE_MARGIN: f32 = 0.03;
 /// Least weight of a bone at a bound place that is kept at the node.
 const LEAST_WEIGHT: f32 = 1e-3;
 
-/// How fine the grid is.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct VoxelShape {
-    /// Edge of a cell, metres.
-    pub spacing: f32,
-    /// Edge of a cell around hands and face, metres.
-    pub fine_spacing: f32,
-}
-
 /// Places on the body's surface.
+#[derive(Debug)]
 pub struct BodyPlaces {
     /// Of each: the three vertices of its face, and their shares.
     places: Vec<([u32; 3], [f32; 3])>,
@@ -61,6 +52,7 @@ impl BodyPlaces {
 }
 
 /// The grid and its nodes' places on the canonical body.
+#[derive(Debug)]
 pub struct CanonicalGrid {
     grid: Grid<f32>,
     /// The place nearest to each node.

@@ -1,7 +1,9 @@
-//! Stage 0: geometry and skinning fitted to the user's body model in canonical space (thesis ch. 4.3.2).
+//! The subject's canonical body: what stage 0 fits, and what holds the fields later where no frame does (thesis ch. 4.3.2).
 //!
-//! Each step draws a random pose and one of a few random expressions; the condition says so, the target is the canonical body
-//! of that expression. Supervised there directly, no search is needed: bone transforms are the identity.
+//! Each step of stage 0 draws a random pose and one of a few random expressions; the condition says so, the target is the canonical
+//! body of that expression. Supervised there directly, no search is needed: bone transforms are the identity.
+
+use std::sync::Arc;
 
 use glam::Vec3;
 use rand::Rng;
@@ -14,20 +16,23 @@ use xavatar_network::Representation;
 
 use super::curve::Curve;
 use super::distance_grid::DistanceGrid;
-use super::losses::{CanonicalBatch, WeightTargets};
+use super::losses::{Anchors, CanonicalBatch, WeightTargets};
 use crate::Result;
 use crate::body::{BodyModel, Bone, JOINTS, Part, PartLabels, joint_weights};
-use crate::canonical_grid::{CERTAINLY_OUTSIDE, canonical_box};
-use crate::config::{Config, LossSettings};
-use crate::fields::CONDITION;
+use crate::config::Config;
+use crate::fields::{CERTAINLY_OUTSIDE, CONDITION, canonical_box};
 use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
 
 /// Expressions whose canonical bodies are kept ready.
 const EXPRESSIONS: usize = 8;
 /// Spread of the random joint angles, as the condition holds them (angle / pi).
 const POSE_SPREAD: f32 = 0.1;
-/// Canonical vertices whose weights are supervised at each step.
-const WEIGHT_POINTS: usize = 2048;
+/// Vertices of the whole body whose weights are supervised at each step of stage 0, beside as many of hands and face.
+const PRETRAINING_WEIGHT_POINTS: usize = 2048;
+/// Vertices of hands and face whose weights are supervised at each step.
+const WEIGHT_POINTS: usize = 1024;
+/// Spread of the Eikonal points around canonical vertices, metres (METHOD section 5).
+const EIKONAL_SPREAD: f32 = 0.05;
 /// Spread of the points around the body whose weights are supervised, metres.
 const VOLUME_SPREAD: f32 = 0.06;
 /// How far below the surface weights are supervised, metres.
@@ -42,7 +47,7 @@ const CERTAINLY_INSIDE: f32 = 0.03;
 
 const IDENTITY: BoneTransform<f32> = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// The subject's canonical body: what stage 0 fits, and what keeps the skinning field in place later.
+/// The body of a subject's shape in its canonical pose, ready to draw from.
 pub(super) struct CanonicalBody<'a> {
     weights: &'a [f32],
     vertices: Vec<[f32; 3]>,
@@ -51,7 +56,7 @@ pub(super) struct CanonicalBody<'a> {
     hands_and_face: Vec<usize>,
     expressions: Vec<ExpressiveBody>,
     /// Of the body without expression.
-    distances: DistanceGrid,
+    distances: Arc<DistanceGrid>,
     /// Places that are inside for certain, evenly spread.
     deep_places: Vec<Vec3>,
     /// Draws the surface that no frame shows, of the body without expression; none if all of it is shown.
@@ -96,7 +101,7 @@ impl<'a> CanonicalBody<'a> {
                 deep if deep.is_empty() => joints.to_vec(),
                 deep => deep,
             },
-            distances,
+            distances: Arc::new(distances),
             expressions,
             unseen: None,
         })
@@ -112,30 +117,48 @@ impl<'a> CanonicalBody<'a> {
         self.unseen = SurfaceSampler::new(mesh, Some(&unseen)).ok();
     }
 
+    /// What every frame is trained on beside its own points: known weights where the skinning field follows them, and points of the
+    /// canonical box whose side is known.
+    pub fn anchors(&self, config: &Config, follows_weights: bool, random: &mut ChaCha8Rng) -> Anchors<f32> {
+        let mut anchors = self.weights(if follows_weights { WEIGHT_POINTS } else { 0 }, random);
+        self.far(config.sampling.far_points, config.fields.representation, random, &mut anchors);
+        if let Some(rgbd) = &config.rgbd {
+            self.unseen(rgbd.unseen_points, config.sampling.deviation, random, &mut anchors);
+        }
+        if config.losses.eikonal > 0.0 {
+            anchors.eikonal_points = self.around(config.losses.eikonal_points, EIKONAL_SPREAD, random);
+        }
+        anchors
+    }
+
     /// Adds `count` points around the surface that no frame shows, with their distance to the body.
-    pub fn unseen(&self, count: usize, deviation: f32, random: &mut ChaCha8Rng, batch: &mut CanonicalBatch<f32>) {
+    fn unseen(&self, count: usize, deviation: f32, random: &mut ChaCha8Rng, anchors: &mut Anchors<f32>) {
         let (Some(sampler), body) = (&self.unseen, &self.expressions[0]) else { return };
         let mut draw = |_| body.mesh.position_at(&sampler.sample(random)) + deviation * normal_vector(random);
         let points: Vec<Vec3> = (0..count).map(&mut draw).collect();
-        batch.far_targets.par_extend(points.par_iter().map(|point| body.solid.signed_distance(*point).0));
-        batch.far_points.extend(points.iter().map(Vec3::to_array));
+        anchors.far_targets.par_extend(points.par_iter().map(|point| body.solid.signed_distance(*point).0));
+        anchors.far_points.extend(points.iter().map(Vec3::to_array));
     }
 
-    /// The terms that every frame shares: bones, joints, and the weights of `count` vertices of hands and face.
-    pub fn anchor(&self, count: usize, random: &mut ChaCha8Rng, batch: &mut CanonicalBatch<f32>) {
-        batch.bone_points.clone_from(&self.bone_points);
-        batch.joint_weights = WeightTargets {
+    /// Points on bones, the weights of joints, and those of `count` vertices of hands and face and of as many points around the body.
+    fn weights(&self, count: usize, random: &mut ChaCha8Rng) -> Anchors<f32> {
+        let joint_weights = WeightTargets {
             points: self.joints.iter().map(Vec3::to_array).collect(),
             weights: (0..JOINTS).flat_map(joint_weights).collect(),
         };
-        let mut targets = WeightTargets::default();
+        let mut surface_weights = WeightTargets::default();
         for _ in 0..count.min(self.hands_and_face.len()) {
             let vertex = self.hands_and_face[random.random_range(0..self.hands_and_face.len())];
-            targets.points.push(self.vertices[vertex]);
-            targets.weights.extend_from_slice(&self.weights[vertex * JOINTS..(vertex + 1) * JOINTS]);
+            self.add_vertex(vertex, &mut surface_weights);
         }
-        batch.surface_weights = targets;
-        batch.volume_weights = self.volume(count, random);
+        let volume_weights = self.volume(count, random);
+        let bone_points = self.bone_points.clone();
+        Anchors { bone_points, joint_weights, surface_weights, volume_weights, ..Anchors::default() }
+    }
+
+    fn add_vertex(&self, vertex: usize, targets: &mut WeightTargets<f32>) {
+        targets.points.push(self.vertices[vertex]);
+        targets.weights.extend_from_slice(&self.weights[vertex * JOINTS..(vertex + 1) * JOINTS]);
     }
 
     /// Points around the body and below its surface, with the weights of the nearest place on the surface.
@@ -160,7 +183,7 @@ impl<'a> CanonicalBody<'a> {
     }
 
     /// Points N(0, deviation^2) around random canonical vertices.
-    pub fn around(&self, count: usize, deviation: f32, random: &mut ChaCha8Rng) -> Vec<[f32; 3]> {
+    fn around(&self, count: usize, deviation: f32, random: &mut ChaCha8Rng) -> Vec<[f32; 3]> {
         let mut point = || {
             let vertex = self.vertices[random.random_range(0..self.vertices.len())];
             vertex.map(|coordinate| coordinate + deviation * random.sample::<f32, _>(StandardNormal))
@@ -170,13 +193,7 @@ impl<'a> CanonicalBody<'a> {
 
     /// Adds points of the canonical box that are outside whatever is worn, or inside for certain: of `count` draws a quarter
     /// anywhere, a quarter around the body and half deep in it.
-    pub fn far(
-        &self,
-        count: usize,
-        representation: Representation,
-        random: &mut ChaCha8Rng,
-        batch: &mut CanonicalBatch<f32>,
-    ) {
+    fn far(&self, count: usize, representation: Representation, random: &mut ChaCha8Rng, anchors: &mut Anchors<f32>) {
         let body = &self.expressions[0];
         let (low, high) = self.bounds();
         let mut draw = |index: usize| match index % 4 {
@@ -191,10 +208,10 @@ impl<'a> CanonicalBody<'a> {
         let curve = Curve::over((low, high));
         points.sort_by_cached_key(|point| curve.place(*point));
         for point in points {
-            let distance = self.distance(point.to_array());
+            let distance = self.distances.at(point.to_array());
             if !(-CERTAINLY_INSIDE..CERTAINLY_OUTSIDE).contains(&distance) {
-                batch.far_points.push(point.to_array());
-                batch.far_targets.push(match representation {
+                anchors.far_points.push(point.to_array());
+                anchors.far_targets.push(match representation {
                     Representation::Occupancy => f32::from(distance < 0.0),
                     Representation::SignedDistance => distance,
                 });
@@ -210,7 +227,7 @@ impl<'a> CanonicalBody<'a> {
         let angles = CONDITION - body.expression.len();
         batch.condition.extend((0..angles).map(|_| POSE_SPREAD * random.sample::<f32, _>(StandardNormal)));
         batch.condition.extend(body.expression);
-        self.anchor(WEIGHT_POINTS, random, &mut batch);
+        batch.anchors = self.weights(PRETRAINING_WEIGHT_POINTS, random);
 
         let mut off = Vec::with_capacity(settings.points + settings.uniform_points);
         for index in 0..settings.points {
@@ -238,18 +255,12 @@ impl<'a> CanonicalBody<'a> {
         batch.off_targets = off.par_iter().map(target).collect();
         batch.off_points = off.iter().map(Vec3::to_array).collect();
 
-        for _ in 0..WEIGHT_POINTS {
+        for _ in 0..PRETRAINING_WEIGHT_POINTS {
             let vertex = random.random_range(0..self.vertices.len());
-            batch.surface_weights.points.push(self.vertices[vertex]);
-            batch.surface_weights.weights.extend_from_slice(&self.weights[vertex * JOINTS..(vertex + 1) * JOINTS]);
+            self.add_vertex(vertex, &mut batch.anchors.surface_weights);
         }
-        batch.eikonal_points = self.around(config.losses.eikonal_points, settings.wide_deviation, random);
+        batch.anchors.eikonal_points = self.around(config.losses.eikonal_points, settings.wide_deviation, random);
         batch
-    }
-
-    /// Stage 0's losses: the configured ones without colour.
-    pub fn losses(losses: &LossSettings) -> LossSettings {
-        LossSettings { colour: 0.0, ..losses.clone() }
     }
 
     /// The canonical box: the body and room around it.
@@ -257,9 +268,9 @@ impl<'a> CanonicalBody<'a> {
         canonical_box(&self.expressions[0].mesh.vertices)
     }
 
-    /// Signed distance of a canonical point to the body, metres.
-    pub fn distance(&self, point: [f32; 3]) -> f32 {
-        self.distances.at(point)
+    /// Signed distance to the body.
+    pub fn distances(&self) -> &Arc<DistanceGrid> {
+        &self.distances
     }
 
     /// The canonical joints.
