@@ -120,23 +120,7 @@ fn wrong_usage_exits_with_2_before_anything_is_read() {
 
 #[test]
 fn help_and_version_are_not_errors() {
-    for verb in [
-        "demo",
-        "check",
-        "train",
-        "eval",
-        "ablate",
-        "fuse",
-        "extract",
-        "animate",
-        "convert",
-        "info",
-        "completions",
-        "pointcloud",
-        "render-rgbd",
-    ] {
-        assert_outcome(&[verb, "--help"], 0, &["Example", &format!("xavatar {verb}")]);
-    }
+    assert_outcome(&["train", "--help"], 0, &["Example", "xavatar train"]);
     assert_outcome(&["--version"], 0, &[env!("CARGO_PKG_VERSION")]);
 }
 
