@@ -10,9 +10,8 @@ use serde_json::{Value, json};
 
 use super::{Avatar, Subject};
 use crate::body::smplx;
-use crate::config::{Config, SkinningSettings};
-use crate::fields::{Fields, Skinning};
-use crate::train::{insert_parameters, load_parameters, load_voxels};
+use crate::config::Config;
+use crate::fields::Fields;
 use crate::{Error, InputError, Result};
 use xavatar_formats::TensorFile;
 
@@ -31,11 +30,11 @@ impl Avatar {
     /// [`InputError::Io`].
     pub fn save(&self, path: &Path) -> Result<()> {
         let mut file = TensorFile::default();
-        insert_parameters(&mut file, &self.fields);
+        self.fields.insert_into(&mut file);
         let subject = serde_json::to_string(&self.subject).map_err(|error| InputError::io(path)(error.into()))?;
         file.text = HashMap::from([
             ("version".into(), VERSION.to_string()),
-            ("config".into(), self.config.to_toml()),
+            ("config".into(), self.config.to_toml()?),
             ("subject".into(), subject),
             ("steps".into(), self.steps.to_string()),
         ]);
@@ -48,7 +47,7 @@ impl Avatar {
     /// If the file is missing, broken, of another version, or its parameters do not fit its configuration.
     pub fn load(path: &Path) -> Result<Self> {
         let path: PathBuf = if path.is_dir() { path.join(Self::FILE) } else { path.into() };
-        if !path.is_file() {
+        if !path.exists() {
             return Err(Error::from(InputError::Missing {
                 path,
                 what: "avatar".into(),
@@ -65,15 +64,11 @@ impl Avatar {
                 remedy: "train it again, or use the program that wrote it".into(),
             }));
         }
-        let config: Config = toml::from_str(file.text(&path, "config")?)
+        let config = Config::parse(file.text(&path, "config")?)
             .map_err(|error| malformed(&path, "config", error.to_string()))?;
         let subject = subject(file.text(&path, "subject")?, version, &path)?;
-        let skinning = match &config.fields.skinning {
-            SkinningSettings::Network(shape) => Skinning::network(shape, &subject.skeleton)?,
-            SkinningSettings::Voxels(_) => Skinning::Voxels(load_voxels(&file, &path, subject.skeleton.joints.len())?),
-        };
-        let mut fields = Fields::new(&config.fields, &subject.condition(), skinning, subject.bounds)?;
-        load_parameters(&file, &mut fields)?;
+        let (skeleton, condition) = (&subject.skeleton, subject.condition());
+        let fields = Fields::read(&file, &path, &config.fields, skeleton, &condition, subject.bounds)?;
         Ok(Self { fields, config, subject, steps: file.parsed(&path, "steps")? })
     }
 }

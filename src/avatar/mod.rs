@@ -7,11 +7,10 @@ mod file;
 mod fixed_topology;
 mod official;
 mod query;
-mod shading;
 mod subject;
 
 use glam::Vec3;
-use xavatar_network::{Representation, Trace};
+use xavatar_network::Representation;
 
 pub use self::animator::Animator;
 pub use self::fixed_topology::FixedTopology;
@@ -19,15 +18,11 @@ pub use self::official::OfficialMeta;
 pub use self::query::Sample;
 pub use self::subject::Subject;
 
-use self::shading::{Posing, shade};
 use crate::Result;
 use crate::body::{BodyModel, PartLabels, Pose};
 use crate::config::Config;
-use crate::fields::{Condition, Fields};
+use crate::fields::{Condition, FieldEvaluator, Fields, Shade};
 use crate::mesh::{Colouring, Component, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
-
-/// Rows a thread evaluates at a time.
-const BLOCK_ROWS: usize = 256;
 
 /// An animatable avatar.
 #[derive(Clone, Debug)]
@@ -60,8 +55,8 @@ impl Avatar {
     /// The canonical surface under the condition of a pose, with `resolution` cells along the longest side.
     ///
     /// # Errors
-    /// [`Error::NoSurface`](crate::Error::NoSurface) with the range of values seen; [`Error::Value`](crate::Error::Value) for a
-    /// resolution out of range.
+    /// [`Error::NoSurface`](crate::Error::NoSurface) with the range of values seen;
+    /// [`InputError::Value`](crate::InputError::Value) for a resolution out of range.
     pub fn extract_canonical(&self, pose: &Pose, resolution: usize) -> Result<Extraction> {
         self.canonical_surface(&self.condition().of(pose), resolution)
     }
@@ -79,13 +74,8 @@ impl Avatar {
     /// # Errors
     /// Those of the fields: points that are not finite.
     pub fn colours(&self, points: &[Vec3]) -> Result<Vec<[u8; 3]>> {
-        let embedded = self.fields.geometry.mlp.embed(&self.condition().none());
-        let mut mesh = TriangleMesh { vertices: points.to_vec(), ..TriangleMesh::default() };
-        shade(&self.fields, &embedded, &Posing::Canonical, &arrays(points), &mut mesh)?;
-        match mesh.colouring {
-            Colouring::Vertex(colours) => Ok(colours),
-            Colouring::None | Colouring::Texture { .. } => Ok(Vec::new()),
-        }
+        let shades = FieldEvaluator::new(&self.fields, &self.condition().none()).shades(&arrays(points))?;
+        Ok(shades.into_iter().map(|shade| shade.colour).collect())
     }
 
     /// The surface in one pose; for several, keep an [`Animator`].
@@ -103,20 +93,13 @@ impl Avatar {
     }
 
     fn canonical_surface(&self, condition: &[f32], resolution: usize) -> Result<Extraction> {
-        let embedded = self.fields.geometry.mlp.embed(condition);
-        let network = &self.fields.geometry.mlp;
-        let evaluate = |points: &[Vec3], values: &mut [f32]| {
-            let mut trace = Trace::default();
-            for (values, points) in values.chunks_mut(BLOCK_ROWS).zip(points.chunks(BLOCK_ROWS)) {
-                network.evaluate(&mut trace, arrays(points).as_flattened(), &embedded, &[]);
-                values.copy_from_slice(trace.output());
-            }
-        };
+        let evaluator = FieldEvaluator::new(&self.fields, condition);
+        let evaluate = |points: &[Vec3], values: &mut [f32]| values.copy_from_slice(&evaluator.values(&arrays(points)));
         let (minimum, maximum) = self.subject.bounds;
         let mesh = extract(&evaluate, self.grid(minimum, maximum, resolution))?.mesh;
         let Component { mut mesh, others: dropped_components, .. } = largest_component(&mesh);
-        let canonical = arrays(&mesh.vertices);
-        shade(&self.fields, &embedded, &Posing::Canonical, &canonical, &mut mesh)?;
+        let shades = evaluator.shades(&arrays(&mesh.vertices))?;
+        paint(&mut mesh, shades);
         Ok(Extraction { mesh, dropped_components })
     }
 
@@ -127,6 +110,12 @@ impl Avatar {
         };
         ExtractionGrid { minimum, maximum, resolution, level: 0.0, inside_is }
     }
+}
+
+/// Sets the normals and colours of a mesh's vertices (V).
+fn paint(mesh: &mut TriangleMesh, shades: Vec<Shade>) {
+    mesh.normals = Some(shades.iter().map(|shade| shade.normal).collect());
+    mesh.colouring = Colouring::Vertex(shades.into_iter().map(|shade| shade.colour).collect());
 }
 
 fn arrays(points: &[Vec3]) -> Vec<[f32; 3]> {

@@ -1,15 +1,13 @@
 //! The fields at single canonical points: f(x_c), its normal, colour and skinning weights (METHOD section 2).
 //!
 //! N points, J joints; metres. Posed points are found by [`Animator`](super::Animator), or by
-//! [`PosedField`](crate::correspondence::PosedField).
+//! [`PosedField`](crate::fields::PosedField).
 
 use glam::Vec3;
-use rayon::prelude::*;
-use xavatar_network::{SkinningTrace, Trace};
 
-use super::shading::{Posing, shades};
-use super::{Avatar, BLOCK_ROWS, arrays};
+use super::{Avatar, arrays};
 use crate::body::Pose;
+use crate::fields::{FieldEvaluator, Shade};
 use crate::{Error, InputError, Result};
 
 /// What the fields say of one canonical point.
@@ -39,25 +37,17 @@ impl Avatar {
                 expected: "finite coordinates".into(),
             }));
         }
-        let network = &self.fields.geometry.mlp;
-        let embedded = network.embed(&self.condition().of(pose));
+        let evaluator = FieldEvaluator::new(&self.fields, &self.condition().of(pose));
         let canonical = arrays(points);
-        let shades = shades(&self.fields, &embedded, &Posing::Canonical, &canonical, points)?;
-        let mut values = vec![0.0; points.len()];
-        let joints = self.subject.skeleton.joints.len();
-        let mut weights = vec![0.0; points.len() * joints];
-        let rows = values.par_chunks_mut(BLOCK_ROWS).zip(weights.par_chunks_mut(BLOCK_ROWS * joints));
-        rows.zip(canonical.par_chunks(BLOCK_ROWS)).for_each_init(
-            || (Trace::default(), SkinningTrace::default()),
-            |(geometry, skinning), ((values, weights), points)| {
-                network.forward(geometry, points.as_flattened(), &embedded, &[]);
-                values.copy_from_slice(geometry.output());
-                self.fields.skinning.weights(skinning, points, weights);
-            },
-        );
-        let samples = values.into_iter().zip(shades).zip(weights.chunks_exact(joints));
-        Ok(samples
-            .map(|((value, (normal, colour)), weights)| Sample { value, normal, colour, weights: weights.to_vec() })
-            .collect())
+        let (values, weights) = (evaluator.values(&canonical), evaluator.weights(&canonical));
+        let shades = evaluator.shades(&canonical)?;
+        let rows = weights.chunks_exact(self.subject.skeleton.joints.len());
+        let sample = |((value, Shade { normal, colour }), weights): ((f32, Shade), &[f32])| Sample {
+            value,
+            normal,
+            colour,
+            weights: weights.to_vec(),
+        };
+        Ok(values.into_iter().zip(shades).zip(rows).map(sample).collect())
     }
 }

@@ -2,17 +2,17 @@
 //!
 //! Everything is in the body's frame: the registration's translation is subtracted from what was captured.
 
+use std::sync::Arc;
+
 use glam::Vec3;
-use xavatar_deformer::BoneTransform;
 
 use super::camera_view::CameraView;
 use super::captured::CapturedFrame;
 use super::part_shares::{PartShare, part_shares, whole_share};
 use crate::body::{BodyModel, Part, PartLabels, Registration, Role, Skeleton};
 use crate::config::{Config, HandSupervision, SamplingSettings, SamplingStrategy};
-use crate::correspondence::bone_rows;
 use crate::data::{FrameId, ScanFrame};
-use crate::fields::Condition;
+use crate::fields::FieldPose;
 use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
 use crate::{Error, Result};
 
@@ -49,10 +49,7 @@ pub(super) struct Region {
 /// One frame of training data.
 pub(super) struct PreparedFrame<'a> {
     pub id: FrameId,
-    pub condition: Vec<f32>,
-    pub bones: Vec<BoneTransform<f32>>,
-    /// What expression and pose add to the canonical body's vertices (V).
-    pub offsets: Vec<Vec3>,
+    pub pose: Arc<FieldPose>,
     pub supervision: Supervision<'a>,
 }
 
@@ -91,9 +88,7 @@ impl<'a> PreparedFrame<'a> {
             let registered = RegisteredBody { mesh, labels, registration };
             Ok(Self {
                 id: id.clone(),
-                condition: Condition::new(skeleton, body.expression_coefficients()).of(&pose),
-                offsets: body.canonical_offsets(&pose)?,
-                bones: bone_rows(&body.canonical_to_posed(&pose)?),
+                pose: Arc::new(FieldPose::new(body, &pose)?),
                 supervision: match frame {
                     CapturedFrame::Scan(frame) => {
                         Supervision::Scan(Box::new(ScanSupervision::new(*frame, registered, skeleton, config)?))

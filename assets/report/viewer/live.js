@@ -47,6 +47,8 @@ class Live {
   constructor(viewer, { endpoint }) {
     this.viewer = viewer;
     this.endpoint = endpoint;
+    // Of the poses of one page the server computes the latest.
+    this.client = Math.random().toString(36).slice(2);
     this.quick = 96;
     this.version = 0;
     this.isBusy = false;
@@ -78,7 +80,7 @@ class Live {
     try {
       const reply = await fetch(this.endpoint, {
         method: "POST",
-        headers: { "content-type": "application/json" },
+        headers: { "content-type": "application/json", "x-client": this.client },
         body: JSON.stringify({ pose: namedPose(this.pose, this.viewer.avatar), resolution }),
       });
       if (!reply.ok) throw new Error((await reply.text()) || reply.statusText);

@@ -10,7 +10,7 @@ use super::{plain, xhumans};
 use crate::FrameId;
 use crate::xhumans::parameters_of;
 use xavatar_body::{Gender, smplx};
-use xavatar_formats::{Error, Result, read_pickle_arrays, read_picture};
+use xavatar_formats::{Choice, Error, Remedy, Result, read_pickle_arrays, read_picture};
 
 /// A mask's pixel shows the subject from this value on.
 const MASK_THRESHOLD: u8 = 128;
@@ -257,13 +257,13 @@ fn classified(metres: f32) -> f32 {
 }
 
 fn must_exist(path: &Path, what: &str) -> Result<()> {
-    if path.is_file() {
+    if path.exists() {
         return Ok(());
     }
     Err(Error::Missing {
         path: path.into(),
         what: what.into(),
-        remedy: "complete the data set, or leave the frame out with --skip-bad-frames".into(),
+        remedy: Remedy::choosing(Choice::SkipBadFrames, "complete the data set, or leave the frame out"),
     })
 }
 
