@@ -1,5 +1,7 @@
 //! Explicit body models: SMPL-X parameters to joints, bone transforms and vertices (thesis ch. 4.1).
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 mod blend_shapes;
 mod bones;
 mod gender;

@@ -62,8 +62,7 @@ pub fn parse_torch(bytes: &[u8]) -> std::result::Result<Value, Fault> {
             .collect(),
         big_endian: members.get(&format!("{folder}byteorder")).is_some_and(|order| *order == b"big"),
     };
-    interpret_with_tensors(pickle, &storages, &Budget::of_file(bytes.len()))
-        .map_err(|fault| fault.within("data.pkl"))
+    interpret_with_tensors(pickle, &storages, &Budget::of_file(bytes.len())).map_err(|fault| fault.within("data.pkl"))
 }
 
 /// The bytes of every member, where they lie in the file.

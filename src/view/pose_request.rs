@@ -19,7 +19,7 @@ const FARTHEST: f32 = 1000.0;
 /// A pose, and how finely its surface is wanted.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
-pub(super) struct PoseRequest {
+pub struct PoseRequest {
     parameters: PoseParameters,
     /// Cells along the longest side of the box around the body.
     pub(super) resolution: usize,
@@ -45,7 +45,7 @@ impl PoseRequest {
     ///
     /// # Errors
     /// [`Error::Value`] naming what is wrong.
-    pub(super) fn parse(body: &[u8]) -> Result<Self> {
+    pub fn parse(body: &[u8]) -> Result<Self> {
         let request: Self = serde_json::from_slice(body).map_err(|error| {
             Error::from(InputError::Value {
                 name: "the request's body".into(),
