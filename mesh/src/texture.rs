@@ -41,7 +41,7 @@ pub(super) fn read_referenced_texture(
     if !path.exists() {
         return Err(Error::Missing {
             what: "texture image".into(),
-            remedy: format!("{} refers to it; put it there", referrer.display()),
+            remedy: format!("{} refers to it; put it there", referrer.display()).into(),
             path,
         });
     }

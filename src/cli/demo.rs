@@ -123,7 +123,7 @@ impl Demo {
         }
         let trained = trainer.run(stop, &mut progress)?;
         let shown = match trained {
-            Ending::Finished => self.show(&trainer.avatar(), &subject, &scans, size, stop, &mut progress)?,
+            Ending::Finished => self.show(&trainer.avatar()?, &subject, &scans, size, stop, &mut progress)?,
             Ending::Stopped => Ending::Stopped,
         };
         match shown {

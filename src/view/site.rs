@@ -48,7 +48,7 @@ impl<'a> Site<'a> {
     fn pose(&self, request: &Request) -> std::result::Result<(&'a Animator<'a>, PoseRequest), Response> {
         let refuse = |status, text: &str| Err(Response::text(status, text));
         let Some(animator) = self.animator else {
-            return refuse(Status::NotFound, "no body model to pose with: start `xavatar view` with --body");
+            return refuse(Status::NotFound, "no body model to pose with: start the server with one");
         };
         // A foreign page cannot send this type without asking first, which is never granted.
         let content_type = request.field("content-type").unwrap_or_default();

@@ -68,7 +68,7 @@ pub(super) fn read(path: &Path, onto: &Onto) -> Result<Motion> {
 }
 
 fn unrecognised(path: &Path, tried: Vec<String>) -> Error {
-    Error::Unrecognised { path: path.into(), what: "motion", tried, remedy: "docs/motion.md has the formats" }
+    Error::Unrecognised { path: path.into(), what: "motion", tried, remedy: "docs/motion.md has the formats".into() }
 }
 
 fn start_of(path: &Path) -> Result<Vec<u8>> {

@@ -120,7 +120,7 @@ fn numbered_pictures(folder: &Path) -> Result<BTreeMap<u32, PathBuf>> {
 }
 
 fn missing(path: PathBuf, what: &str) -> Error {
-    Error::Missing { path, what: what.into(), remedy: format!("correct {}, which names it", Layout::FILE) }
+    Error::Missing { path, what: what.into(), remedy: format!("correct {}, which names it", Layout::FILE).into() }
 }
 
 fn malformed(path: &Path, place: &str, found: impl ToString, expected: &str) -> Error {

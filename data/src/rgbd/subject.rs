@@ -10,7 +10,7 @@ use super::{plain, xhumans};
 use crate::FrameId;
 use crate::xhumans::parameters_of;
 use xavatar_body::{BodyParameters, Gender};
-use xavatar_formats::{Error, Result, read_pickle_arrays, read_picture};
+use xavatar_formats::{Choice, Error, Remedy, Result, read_pickle_arrays, read_picture};
 
 /// A mask's pixel shows the subject from this value on.
 const MASK_THRESHOLD: u8 = 128;
@@ -263,7 +263,7 @@ fn must_exist(path: &Path, what: &str) -> Result<()> {
     Err(Error::Missing {
         path: path.into(),
         what: what.into(),
-        remedy: "complete the data set, or leave the frame out with --skip-bad-frames".into(),
+        remedy: Remedy::choosing(Choice::SkipBadFrames, "complete the data set, or leave the frame out"),
     })
 }
 

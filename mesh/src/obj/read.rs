@@ -36,7 +36,7 @@ fn read_texture(path: &Path, statements: &Statements) -> Result<Option<RgbImage>
         if !file.exists() {
             return Err(Error::Missing {
                 what: "material file".into(),
-                remedy: format!("put it there, or remove `mtllib` from {}", path.display()),
+                remedy: format!("put it there, or remove `mtllib` from {}", path.display()).into(),
                 path: file,
             });
         }

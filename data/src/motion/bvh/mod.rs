@@ -34,7 +34,7 @@ pub(super) fn read(path: &Path, rest: &RestPose, map: Option<&BTreeMap<String, S
         path: path.into(),
         found: format!("a skeleton in which no bone is known as {}", missing.join(", ")),
         expected: "the bones of a person, by names of a common skeleton".into(),
-        remedy: format!("say which bone is which joint (--bone-map); the bones are {}", bone_names(&bvh.joints)),
+        remedy: format!("say which bone is which joint (--bone-map); the bones are {}", bone_names(&bvh.joints)).into(),
     })?;
     Ok(Motion {
         frames: retargeting.frames(),
