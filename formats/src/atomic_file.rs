@@ -38,7 +38,7 @@ pub fn write_atomically(
 
 /// Returns once the names in a folder are on the disk. Only Unix opens folders as files.
 #[allow(clippy::disallowed_methods)]
-fn sync_folder(folder: &Path) -> io::Result<()> {
+pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
     #[cfg(unix)]
     fs::File::open(folder)?.sync_all()?;
     #[cfg(not(unix))]

@@ -42,7 +42,7 @@ pub use fault::{Fault, excerpt};
 pub use input_file::{open_file, read_bytes, read_text};
 pub use npy::{npy_bytes, parse_npy, read_npy};
 pub use npz::{parse_npz, read_npz, write_npz};
-pub use output_folder::{FolderLock, is_vacant, remove_partial};
+pub use output_folder::{FolderLock, create_folder, is_vacant, remove_partial};
 pub use pickle::{Value, parse_pickle, parse_pickle_arrays, read_pickle, read_pickle_arrays, write_pickle};
 pub use picture_file::{decode_picture, read_picture, write_picture};
 pub use remedy::{Choice, Remedy};

@@ -4,7 +4,7 @@ use std::fs::{self, File, TryLockError};
 use std::io::{Read, Seek, Write};
 use std::path::Path;
 
-use crate::atomic_file::PARTIAL;
+use crate::atomic_file::{PARTIAL, sync_folder};
 use crate::{Error, Result};
 
 /// Held, never removed: a file that is removed can be held by two that do not see each other.
@@ -28,6 +28,22 @@ pub fn is_vacant(folder: &Path) -> Result<bool> {
     Ok(true)
 }
 
+/// Makes a folder if it is not there, and those that it is in; their names outlast a power failure.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn create_folder(folder: &Path) -> Result<()> {
+    if folder.is_dir() {
+        return Ok(());
+    }
+    let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    create_folder(parent)?;
+    match fs::create_dir(folder) {
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && folder.is_dir() => Ok(()),
+        made => made.and_then(|()| sync_folder(parent)).map_err(Error::io(folder)),
+    }
+}
+
 /// A folder that no other process fills: it is the holder's until it is dropped, or its process ends in whatever way.
 #[derive(Debug)]
 pub struct FolderLock {
@@ -40,7 +56,7 @@ impl FolderLock {
     /// # Errors
     /// [`Error::Mismatch`] names the process that has it; [`Error::Io`] if it cannot be written to.
     pub fn take(folder: &Path) -> Result<Self> {
-        fs::create_dir_all(folder).map_err(Error::io(folder))?;
+        create_folder(folder)?;
         let path = folder.join(LOCK);
         let opened = fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
         let mut file = opened.map_err(Error::io(&path))?;
@@ -123,6 +139,17 @@ mod tests {
         fs::write(folder.join("config.toml"), "whole").unwrap();
         assert!(!is_vacant(&folder).unwrap());
         assert!(is_vacant(&folder.join("config.toml")).is_err());
+    }
+
+    #[test]
+    fn folders_are_made_with_those_they_are_in() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("a/b/c");
+        create_folder(&folder).unwrap();
+        create_folder(&folder).unwrap();
+        assert!(folder.is_dir());
+        fs::write(folder.join("file"), "").unwrap();
+        assert!(matches!(create_folder(&folder.join("file")), Err(Error::Io { .. })));
     }
 
     #[test]
