@@ -4,6 +4,8 @@
 //! of its file, and takes a [`Pose`]. Each family of models is a file in [`families`]; what it alone knows, the layout of its
 //! files, its joints' numbers, its hand conventions ([`smplx::Parameters`]), stays there.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 mod anatomy;
 mod blend_shapes;
 mod bones;

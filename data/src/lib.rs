@@ -2,6 +2,8 @@
 //!
 //! Files -> arrays -> frames. Nothing here knows about training.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 mod check;
 mod fields;
 mod motion;

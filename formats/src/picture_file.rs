@@ -22,7 +22,7 @@ const LARGEST_ALLOCATION: u64 = 1 << 30;
 /// [`Error::Io`] if it cannot be opened; [`Error::Malformed`] if it is no whole PNG or JPEG, or larger than the bounds.
 pub fn read_picture(path: &Path) -> Result<DynamicImage> {
     let bytes = read_bytes(path)?;
-    decode_picture(&bytes).map_err(|found| Error::Malformed {
+    decode_picture(&bytes, ImageFormat::from_path(path).ok()).map_err(|found| Error::Malformed {
         path: path.into(),
         format: "image",
         place: "the file".into(),
@@ -31,9 +31,12 @@ pub fn read_picture(path: &Path) -> Result<DynamicImage> {
     })
 }
 
-/// Decodes a picture in memory, or says what is wrong with it.
-fn decode_picture(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
-    let format = image::guess_format(bytes).map_err(|error| error.to_string())?;
+/// Decodes a picture in memory, in the format of its content, else in the `named` one; or says what is wrong with it.
+///
+/// # Errors
+/// What is wrong.
+pub fn decode_picture(bytes: &[u8], named: Option<ImageFormat>) -> std::result::Result<DynamicImage, String> {
+    let format = image::guess_format(bytes).ok().or(named).ok_or("in no known format")?;
     if format == ImageFormat::Jpeg && !is_whole_jpeg(bytes) {
         return Err("cut short".into());
     }

@@ -2,6 +2,8 @@
 //!
 //! Metres, Y up; faces wind counter-clockwise seen from outside, so normals point outward.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 pub mod camera;
 mod closest;
 mod components;

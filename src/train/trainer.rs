@@ -14,7 +14,7 @@ use xavatar_network::{AdamSettings, ParameterGroup};
 
 use super::canonical_body::CanonicalBody;
 use super::captured::TrainingFrames;
-use super::checkpoint::{self, Progress, State, checkpoints};
+use super::checkpoint::{self, Progress, State};
 use super::drawn::generator;
 use super::engine::{CpuEngine, Engine, EngineInput, Learned, Outcome};
 use super::epochs::Epochs;
@@ -109,10 +109,10 @@ impl<'a> Trainer<'a> {
         Config::read(&run.join(CONFIG))
     }
 
-    /// Continues a run from its newest checkpoint; from the start if it had none yet.
+    /// Continues a run from its newest checkpoint that is not damaged; from the start if it had none yet.
     ///
     /// # Errors
-    /// If a checkpoint cannot be read; delete it to continue from the one before.
+    /// If a checkpoint cannot be read, or is of another configuration.
     pub fn resume(
         config: &'a Config,
         frames: TrainingFrames,
@@ -141,9 +141,7 @@ impl<'a> Trainer<'a> {
         fields.initialise(config.seed);
         let progress = Progress { running_loss: f64::INFINITY, best_loss: f64::INFINITY, ..Progress::default() };
         let mut state = State { learned: Learned::new(fields), progress };
-        if let Some(newest) = checkpoints(run)?.first() {
-            state.load(newest)?;
-        }
+        state.load_newest(run)?;
         let State { learned, progress } = state;
         let follows_weights = learned.fields.skinning.follows_weights();
         let distances = canonical.distances().clone();
@@ -342,9 +340,10 @@ impl<'a> Trainer<'a> {
             self.complete(outcome, observer)?;
         }
         self.progress.seconds = self.seconds();
+        // Before the checkpoint they belong to: a run that resumes from it finds all of its steps noted, whenever the power fails.
+        self.metrics.sync()?;
         let learned = self.engine.learned()?;
         let path = checkpoint::save(learned, &mut self.progress, &self.run, self.config.schedule.checkpoints_kept)?;
-        self.metrics.sync()?;
         observer.event(Event::Checkpoint { path: &path });
         Ok(())
     }

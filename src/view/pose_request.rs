@@ -23,7 +23,7 @@ const FARTHEST: f32 = 1000.0;
 /// A pose, and how finely its surface is wanted.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
-pub(super) struct PoseRequest {
+pub struct PoseRequest {
     pose: NamedPose,
     /// Cells along the longest side of the box around the body.
     pub(super) resolution: usize,
@@ -43,7 +43,7 @@ impl PoseRequest {
     ///
     /// # Errors
     /// [`InputError::Value`] naming what is wrong.
-    pub(super) fn parse(body: &[u8]) -> Result<Self> {
+    pub fn parse(body: &[u8]) -> Result<Self> {
         let request: Self = serde_json::from_slice(body).map_err(|error| {
             Error::from(InputError::Value {
                 name: "the request's body".into(),

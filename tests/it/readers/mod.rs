@@ -5,6 +5,7 @@ mod damaged_files;
 mod hostile_files;
 mod motion;
 mod motion_bvh;
+mod mutated_files;
 mod official;
 mod pickle;
 mod rgbd;
