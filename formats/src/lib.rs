@@ -6,7 +6,7 @@
 //! | pickle, of every protocol | [`read_pickle`], [`read_pickle_arrays`]: a machine with an allow-list that runs nothing that is in the file |
 //! | PyTorch checkpoint | [`read_torch`] |
 //! | safetensors | [`TensorFile`] |
-//! | PNG, JPEG | [`read_picture`] |
+//! | PNG, JPEG, TIFF, BMP, TGA | [`read_picture`] |
 //!
 //! Readers of bytes return a [`Fault`], which names place, finding and expectation; readers of paths an [`Error`], which names the
 //! file as well. Every crate below training shares this [`Error`]: what a user gave, and what is wrong with it.
@@ -31,6 +31,6 @@ pub use fault::{Fault, excerpt};
 pub use npy::{npy_bytes, read_npy};
 pub use npz::{read_npz, write_npz};
 pub use pickle::{Value, read_pickle, read_pickle_arrays, write_pickle};
-pub use picture_file::{read_picture, write_picture};
+pub use picture_file::{PICTURE_FORMATS, decode_picture, guarded, read_picture, write_picture};
 pub use tensor_file::{NamedTensors, TensorFile};
 pub use torch::read_torch;
