@@ -416,7 +416,7 @@ fn a_baked_texture_shows_the_fields_colours() {
     write_obj(&obj, &baked.mesh).unwrap();
     write_ply(&ply, &baked.mesh).unwrap();
     for path in [obj, ply] {
-        let read = read_mesh(&path).unwrap();
+        let read = read_mesh(&path).unwrap().mesh;
         let (Colouring::Texture { image, .. }, Colouring::Texture { image: written, .. }) =
             (&read.colouring, &baked.mesh.colouring)
         else {

@@ -200,6 +200,7 @@ fn normals_of_a_rendered_sphere_are_within_three_degrees() {
         id: FRAMES[0].id.clone(),
         scan: TriangleMesh { vertices, faces: faces.collect(), ..TriangleMesh::default() },
         parameters: BodyParameters::default(),
+        notes: Vec::new(),
     };
     let camera = PinholeCamera::looking_at(centre + Vec3::new(0.7, 0.4, 2.8), centre, 0.4, [400, 600]).unwrap();
     let cloud = PointCloud::of(&film(&scan, camera).unwrap()).unwrap();
@@ -532,7 +533,7 @@ fn the_verbs_film_check_and_show() {
     let show = ["pointcloud", &filmed, "--frame", "test/Take2/f00001", "--parts", "--body", &body, "--out", &cloud];
     let (code, printed) = run(&show);
     assert!(code == Some(0) && printed.contains("left hand"), "{printed}");
-    let points = xavatar::mesh::read_ply(&cloud).unwrap();
+    let points = xavatar::mesh::read_mesh(&cloud).unwrap().mesh;
     assert!(points.faces.is_empty() && points.vertices.len() > 20_000);
     let (code, printed) = run(&["pointcloud", &filmed, "--frame", "train/x/f00001", "--out", &path("other.ply")]);
     assert!(code == Some(1) && printed.contains("train/Take1/f00001 to train/Take1/f00003"), "{printed}");
