@@ -13,7 +13,7 @@ use exr::prelude::{ReadChannels, ReadLayers};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 
-use xavatar_formats::{Error, Fault, Result};
+use xavatar_formats::{Error, Fault, Result, guarded};
 use xavatar_mesh::camera::LARGEST_SIDE;
 
 const FORMAT: &str = "depth picture";
@@ -45,7 +45,8 @@ pub struct DepthPicture {
 pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthPicture> {
     let path = path.as_ref();
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    parse(&bytes).map_err(|fault| fault.in_file(path, FORMAT))
+    let broken = || Err(Fault::malformed("the file", "broken", "a whole picture"));
+    guarded(|| parse(&bytes)).unwrap_or_else(broken).map_err(|fault| fault.in_file(path, FORMAT))
 }
 
 type Parsed<T> = std::result::Result<T, Fault>;
