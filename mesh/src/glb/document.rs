@@ -24,6 +24,13 @@ pub(super) struct Document {
     pub images: Vec<Image>,
 }
 
+impl Document {
+    /// Whether trimesh wrote the file: it stores sRGB as COLOR_0, and the default grey of its materials as the factor of pictures.
+    pub(super) fn is_of_trimesh(&self) -> bool {
+        self.asset.generator.contains("trimesh")
+    }
+}
+
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Asset {

@@ -82,6 +82,7 @@ impl<'a> Materials<'a> {
             let is_white = factor.iter().all(|channel| *channel >= 1.0);
             return Ok(Coat::new(if is_white { Paint::Vertices } else { Paint::Plain(factor.map(encoded)) }));
         };
+        let factor = if self.container.document.is_of_trimesh() { [1.0; 3] } else { factor };
         let Some(picture) = self.tinted(texture, factor)? else { return Ok(Coat::new(Paint::Vertices)) };
         let transform = texture.extensions.transform;
         let coordinates = transform.and_then(|transform| transform.tex_coord).unwrap_or(texture.tex_coord);

@@ -213,9 +213,9 @@ impl Part {
     }
 }
 
-/// How channels of vertex colours become bytes: linear ones, as the format has them; trimesh stores sRGB.
+/// How channels of vertex colours become bytes.
 fn colour_encoding(container: &Container) -> fn(f32) -> u8 {
-    if container.document.asset.generator.contains("trimesh") {
+    if container.document.is_of_trimesh() {
         |channel| (channel.clamp(0.0, 1.0) * 255.0).round() as u8
     } else {
         |channel| encoded(channel.clamp(0.0, 1.0))

@@ -1,6 +1,6 @@
 //! OBJ file -> mesh.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use glam::Vec2;
@@ -57,6 +57,9 @@ fn notes_on_faces(statements: &Statements) -> Vec<Note> {
     notes
 }
 
+/// Material files that are looked for, and pictures that may be missing until no more are: a file can name a million.
+const MOST_FILES: usize = 256;
+
 /// What an OBJ refers to and is not there.
 #[derive(Default)]
 struct Missing {
@@ -94,13 +97,15 @@ struct Library {
 impl Library {
     fn read(path: &Path, named: &[String], missing: &mut Missing) -> Result<Self> {
         let mut library = Self { materials: BTreeMap::new() };
-        for name in named {
+        let mut is_read = BTreeSet::new();
+        for name in named.iter().filter(|name| is_read.insert(*name)).take(MOST_FILES) {
             // One name with blanks, or several without.
             let mut files: Vec<PathBuf> = find_referenced(path, name).into_iter().collect();
             if files.is_empty() {
-                files.extend(name.split_ascii_whitespace().filter_map(|name| find_referenced(path, name)));
+                let names = name.split_ascii_whitespace().take(MOST_FILES);
+                files.extend(names.filter_map(|name| find_referenced(path, name)));
             }
-            if files.is_empty() && !missing.material_files.contains(name) {
+            if files.is_empty() {
                 missing.material_files.push(name.clone());
             }
             for file in files {
@@ -181,8 +186,10 @@ impl Coats {
             let byte = |colour: [f32; 3]| byte_colours(&[colour], false)[0].filter(|_| !self.vertices_have_colours);
             return Ok(Coat::new(material.diffuse.and_then(byte).map_or(Paint::Vertices, Paint::Plain)));
         };
-        let Some(found) = find_referenced(file, picture).or_else(|| find_referenced(path, picture)) else {
-            if !missing.pictures.contains(picture) {
+        let is_known_missing = missing.pictures.contains(picture) || missing.pictures.len() >= MOST_FILES;
+        let found = || find_referenced(file, picture).or_else(|| find_referenced(path, picture));
+        let Some(found) = (!is_known_missing).then(found).flatten() else {
+            if !is_known_missing {
                 missing.pictures.push(picture.clone());
             }
             return Ok(Coat::new(Paint::Vertices));

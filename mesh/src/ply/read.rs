@@ -62,6 +62,7 @@ pub(super) fn parse_ply(bytes: &[u8]) -> Parsed<Content> {
                 vertices = Some(read_vertices(element, &mut body)?);
                 unread_colours = possible_colours(element);
             }
+            _ if element.count == 0 => {}
             "face" => faces = faces.and(Faces::read_polygons(element, &mut body)?),
             "tristrips" => faces = faces.and(Faces::read_strips(element, &mut body)?),
             _ => {
@@ -69,7 +70,7 @@ pub(super) fn parse_ply(bytes: &[u8]) -> Parsed<Content> {
                     body.next_row();
                     element.properties.iter().try_for_each(|property| body.skip(property.layout))?;
                 }
-                unread.extend((element.count > 0).then(|| (element.name.clone(), element.count)));
+                unread.push((element.name.clone(), element.count));
             }
         }
     }

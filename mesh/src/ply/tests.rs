@@ -261,6 +261,13 @@ fn strips_of_triangles_are_faces() {
 }
 
 #[test]
+fn an_element_without_rows_may_be_anything() {
+    let header = format!("element vertex 1\n{XYZ}\nelement face 0\nproperty list uchar int corners\nelement edge 0");
+    let read = read_ply(Path::new("mesh.ply"), &ascii(&header, "1 0 0\n")).unwrap();
+    assert_eq!((read.mesh.vertices, read.mesh.faces.len(), read.notes), (vec![Vec3::X], 0, vec![]));
+}
+
+#[test]
 fn faces_of_two_corners_and_unknown_elements_are_noted() {
     let header = format!("element vertex 3\n{XYZ}\nelement face 3\n{LIST}\nelement edge 2\nproperty int a");
     let bytes = ascii(&header, "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n2 0 1\n0\n0\n1\n");

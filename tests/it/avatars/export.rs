@@ -12,7 +12,7 @@ use xavatar::canonical_grid::{CanonicalGrid, VoxelShape};
 use xavatar::config::{Config, SkinningSettings};
 use xavatar::export::{RiggedMesh, Rigging, bake_texture, write_glb};
 use xavatar::fields::{Fields, Skinning, condition};
-use xavatar::mesh::{Colouring, read_mesh, write_obj, write_ply};
+use xavatar::mesh::{Colouring, ReadMesh, read_mesh, write_obj, write_ply};
 use xavatar::synthetic::{BuiltInSubject, Split};
 use xavatar_network::Trace;
 
@@ -449,4 +449,21 @@ fn a_textured_rig_moves_as_the_coloured_one() {
     let reader = primitive.reader(glb.data());
     assert!(reader.read_colors(0).is_none());
     assert!(reader.read_tex_coords(0).unwrap().into_f32().flatten().all(|c| (0.0..=1.0).contains(&c)));
+    // Read as meshes, both stand as they were bound, in the same colours.
+    for rigged in [coloured, textured] {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join("avatar.glb");
+        write_glb(&path, &rigged).unwrap();
+        let ReadMesh { mesh, notes } = read_mesh(&path).unwrap();
+        assert_eq!((notes, &mesh.faces), (vec![], &rigged.mesh.faces));
+        let vertices: Vec<DVec3> = mesh.vertices.iter().map(|vertex| vertex.as_dvec3()).collect();
+        assert!(farthest(&vertices, &rigged.mesh.vertices) < 1e-5);
+        match (&mesh.colouring, &rigged.mesh.colouring) {
+            (Colouring::Vertex(read), Colouring::Vertex(written)) => assert_eq!(read, written),
+            (Colouring::Texture { uvs, image }, Colouring::Texture { uvs: written, image: picture }) => {
+                assert_eq!((uvs, image), (written, picture));
+            }
+            (read, _) => panic!("{read:?}"),
+        }
+    }
 }
