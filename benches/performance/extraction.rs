@@ -26,7 +26,7 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
     let mut trainer =
         Trainer::start(&config, TrainingFrames::Scans(&source), model, labels, folder.path(), &mut timings)?;
     trainer.run(&AtomicBool::new(false), &mut timings)?;
-    let avatar = trainer.avatar();
+    let avatar = trainer.avatar()?;
     let canonical = BodyModel::canonical_parameters(&avatar.subject.betas);
     for (resolution, repeats) in [(128, 5), (256, 5), (512, 3)] {
         avatar.extract_canonical(&canonical, resolution)?;

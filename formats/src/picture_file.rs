@@ -10,6 +10,8 @@ use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, ImageReader, Limits, RgbImage};
 
 use crate::atomic_file::write_atomically;
+use crate::input_file::read_bytes;
+use crate::jpeg::is_whole_jpeg;
 use crate::{Error, Result};
 
 /// Longest side read, pixels.
@@ -25,7 +27,7 @@ pub const PICTURE_FORMATS: &str = "a whole PNG, JPEG, TIFF, BMP or TGA";
 /// [`Error::Io`] if it cannot be opened; [`Error::Malformed`] if it is no whole picture of a known format, or larger than the
 /// bounds.
 pub fn read_picture(path: &Path) -> Result<DynamicImage> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read_bytes(path)?;
     decode_picture(&bytes, ImageFormat::from_path(path).ok()).map_err(|found| Error::Malformed {
         path: path.into(),
         format: "image",
@@ -39,6 +41,9 @@ pub fn read_picture(path: &Path) -> Result<DynamicImage> {
 pub fn decode_picture(bytes: &[u8], named: Option<ImageFormat>) -> std::result::Result<DynamicImage, String> {
     check_palette(bytes)?;
     let format = image::guess_format(bytes).ok().or(named).ok_or("in no known format")?;
+    if format == ImageFormat::Jpeg && !is_whole_jpeg(bytes) {
+        return Err("cut short".into());
+    }
     let mut limits = Limits::default();
     limits.max_image_width = Some(LARGEST_SIDE);
     limits.max_image_height = Some(LARGEST_SIDE);

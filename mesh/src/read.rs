@@ -8,7 +8,7 @@ use super::notes::Note;
 use super::obj::read_obj;
 use super::ply::read_ply;
 use super::text::decode;
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Error, Result, read_bytes};
 
 /// A mesh that was read, and what of its file is not in it.
 #[derive(Clone, Debug)]
@@ -43,7 +43,7 @@ pub const MESH_EXTENSIONS: [&str; 3] = ["ply", "obj", "glb"];
 /// inconsistent, holds positions that are no numbers, or no vertex at all, and for a broken picture.
 pub fn read_mesh(path: impl AsRef<Path>) -> Result<ReadMesh> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read_bytes(path)?;
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
     let (read, format) = match recognise(&bytes, &extension) {
         Format::Ply => (read_ply(path, &bytes)?, "PLY"),

@@ -11,9 +11,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use image::{ImageFormat, RgbImage};
 
-use xavatar_formats::read_picture;
-use xavatar_formats::write_atomically;
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Error, Result, read_picture, write_atomically};
 
 /// Texels of all pictures of a mesh: as many as the largest picture has.
 const MOST_TEXELS: u64 = 1 << 28;

@@ -10,11 +10,10 @@ use rayon::prelude::*;
 use xavatar_deformer::{BoneTransform, GradientSide};
 use xavatar_deformer::{Jacobian, blend_transforms, deform, deformed_normals, skinning_jacobians};
 
-use super::{Avatar, BLOCK_ROWS, arrays};
+use super::{Avatar, arrays};
 use crate::Result;
 use crate::body::{BodyModel, BodyParameters, JOINTS};
-use crate::canonical_grid::BodyPlaces;
-use crate::correspondence::bone_rows;
+use crate::fields::{BLOCK_ROWS, BodyPlaces, CONDITION, FieldEvaluator, bone_rows};
 use crate::mesh::TriangleMesh;
 
 /// A canonical mesh that is skinned from frame to frame.
@@ -44,17 +43,11 @@ impl<'a> FixedTopology<'a> {
         let canonical = extraction.mesh;
         let points = arrays(&canonical.vertices);
         let normals = arrays(canonical.normals.as_deref().unwrap_or_default());
-        let (mut weights, mut gradients) = (vec![0.0; points.len() * JOINTS], vec![0.0; 3 * points.len() * JOINTS]);
-        let rows = weights.par_chunks_mut(BLOCK_ROWS * JOINTS).zip(gradients.par_chunks_mut(3 * BLOCK_ROWS * JOINTS));
-        points.par_chunks(BLOCK_ROWS).zip(rows).for_each_init(
-            Default::default,
-            |workspace, (points, (weights, gradients))| {
-                avatar.fields.skinning.weights_and_gradients(workspace, points, weights, gradients);
-            },
-        );
-        let places = match avatar.fields.skinning.voxels() {
-            Some(_) => Some(BodyPlaces::nearest(body, &avatar.subject.betas, &canonical.vertices)?.0),
-            None => None,
+        let (weights, gradients) =
+            FieldEvaluator::new(&avatar.fields, &[0.0; CONDITION]).weights_and_gradients(&points);
+        let places = match avatar.fields.skinning.carries_blend_shapes() {
+            true => Some(BodyPlaces::nearest(body, &avatar.subject.betas, &canonical.vertices)?.0),
+            false => None,
         };
         let (betas, dropped_components) = (avatar.subject.betas, extraction.dropped_components);
         Ok(Self { body, betas, canonical, points, places, normals, weights, gradients, dropped_components })

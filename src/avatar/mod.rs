@@ -7,33 +7,28 @@ mod animator;
 mod fixed_topology;
 mod official;
 mod query;
-mod shading;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
-use xavatar_network::{Representation, Trace};
+use xavatar_network::Representation;
 
 pub use self::animator::Animator;
 pub use self::fixed_topology::FixedTopology;
 pub use self::official::OfficialMeta;
 pub use self::query::Sample;
 
-use self::shading::{Posing, shade};
 use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels};
-use crate::config::{Config, SkinningSettings};
-use crate::fields::{CONDITION, Fields, Skinning, condition};
+use crate::config::Config;
+use crate::fields::{CONDITION, FieldEvaluator, Fields, Shade, condition};
 use crate::mesh::{Colouring, Component, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
-use crate::train::{insert_parameters, load_parameters, load_voxels};
 use crate::{Error, InputError, Result};
 use xavatar_formats::TensorFile;
 
 /// Version of the file's layout.
 const VERSION: u32 = 2;
-/// Rows a thread evaluates at a time.
-const BLOCK_ROWS: usize = 256;
 
 /// Whom an avatar was made of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,7 +78,7 @@ impl Avatar {
     /// [`Error::Io`].
     pub fn save(&self, path: &Path) -> Result<()> {
         let mut file = TensorFile::default();
-        insert_parameters(&mut file, &self.fields);
+        self.fields.insert_into(&mut file);
         file.text = HashMap::from([
             ("version".into(), VERSION.to_string()),
             ("config".into(), self.config.to_toml()?),
@@ -102,7 +97,7 @@ impl Avatar {
     /// If the file is missing, broken, of another version, or its parameters do not fit its configuration.
     pub fn load(path: &Path) -> Result<Self> {
         let path: PathBuf = if path.is_dir() { path.join(Self::FILE) } else { path.into() };
-        if !path.is_file() {
+        if !path.exists() {
             return Err(Error::from(InputError::Missing {
                 path,
                 what: "avatar".into(),
@@ -129,19 +124,14 @@ impl Avatar {
             })
         };
         let config: Config =
-            toml::from_str(file.text(&path, "config")?).map_err(|error| malformed("config", error.to_string()))?;
+            Config::parse(file.text(&path, "config")?).map_err(|error| malformed("config", error.to_string()))?;
         let subject: Subject = serde_json::from_str(file.text(&path, "subject")?)
             .map_err(|error| malformed("subject", error.to_string()))?;
         let (low, high) = subject.bounds;
         if subject.joints.len() != JOINTS || !(low.is_finite() && high.is_finite() && low.cmplt(high).all()) {
             return Err(malformed("subject", format!("{} joints in {low} to {high}", subject.joints.len())));
         }
-        let skinning = match &config.fields.skinning {
-            SkinningSettings::Network(shape) => Skinning::network(shape)?,
-            SkinningSettings::Voxels(_) => Skinning::Voxels(load_voxels(&file, &path)?),
-        };
-        let mut fields = Fields::new(&config.fields, skinning, subject.bounds)?;
-        load_parameters(&file, &mut fields)?;
+        let fields = Fields::read(&file, &path, &config.fields, subject.bounds)?;
         Ok(Self { fields, config, subject, steps: file.parsed(&path, "steps")? })
     }
 
@@ -166,13 +156,8 @@ impl Avatar {
     /// # Errors
     /// Those of the fields: points that are not finite.
     pub fn colours(&self, points: &[Vec3]) -> Result<Vec<[u8; 3]>> {
-        let embedded = self.fields.geometry.mlp.embed(&[0.0; CONDITION]);
-        let mut mesh = TriangleMesh { vertices: points.to_vec(), ..TriangleMesh::default() };
-        shade(&self.fields, &embedded, &Posing::Canonical, &arrays(points), &mut mesh)?;
-        match mesh.colouring {
-            Colouring::Vertex(colours) => Ok(colours),
-            Colouring::None | Colouring::Texture { .. } => Ok(Vec::new()),
-        }
+        let shades = FieldEvaluator::new(&self.fields, &[0.0; CONDITION]).shades(&arrays(points))?;
+        Ok(shades.into_iter().map(|shade| shade.colour).collect())
     }
 
     /// The surface in one pose; for several, keep an [`Animator`].
@@ -190,20 +175,13 @@ impl Avatar {
     }
 
     fn canonical_surface(&self, condition: &[f32], resolution: usize) -> Result<Extraction> {
-        let embedded = self.fields.geometry.mlp.embed(condition);
-        let network = &self.fields.geometry.mlp;
-        let evaluate = |points: &[Vec3], values: &mut [f32]| {
-            let mut trace = Trace::default();
-            for (values, points) in values.chunks_mut(BLOCK_ROWS).zip(points.chunks(BLOCK_ROWS)) {
-                network.evaluate(&mut trace, arrays(points).as_flattened(), &embedded, &[]);
-                values.copy_from_slice(trace.output());
-            }
-        };
+        let evaluator = FieldEvaluator::new(&self.fields, condition);
+        let evaluate = |points: &[Vec3], values: &mut [f32]| values.copy_from_slice(&evaluator.values(&arrays(points)));
         let (minimum, maximum) = self.subject.bounds;
         let mesh = extract(&evaluate, self.grid(minimum, maximum, resolution))?.mesh;
         let Component { mut mesh, others: dropped_components, .. } = largest_component(&mesh);
-        let canonical = arrays(&mesh.vertices);
-        shade(&self.fields, &embedded, &Posing::Canonical, &canonical, &mut mesh)?;
+        let shades = evaluator.shades(&arrays(&mesh.vertices))?;
+        paint(&mut mesh, shades);
         Ok(Extraction { mesh, dropped_components })
     }
 
@@ -214,6 +192,12 @@ impl Avatar {
         };
         ExtractionGrid { minimum, maximum, resolution, level: 0.0, inside_is }
     }
+}
+
+/// Sets the normals and colours of a mesh's vertices (V).
+fn paint(mesh: &mut TriangleMesh, shades: Vec<Shade>) {
+    mesh.normals = Some(shades.iter().map(|shade| shade.normal).collect());
+    mesh.colouring = Colouring::Vertex(shades.into_iter().map(|shade| shade.colour).collect());
 }
 
 fn arrays(points: &[Vec3]) -> Vec<[f32; 3]> {

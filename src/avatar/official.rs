@@ -10,11 +10,9 @@ use xavatar_network::{GeometryShape, Representation, TextureShape};
 
 use super::{Avatar, Subject};
 use crate::body::{BodyModel, Gender};
-use crate::canonical_grid::canonical_box;
 use crate::config::{Config, SkinningSettings, SkinningShape};
-use crate::fields::{CONDITION, FIELD_NAMES, Fields, Skinning};
+use crate::fields::{CONDITION, Fields, PerField, canonical_box};
 use crate::formats::{Array, ArrayMap, Value, read_npz, read_torch};
-use crate::train::load_parameters;
 use crate::{Error, InputError, Result};
 use xavatar_formats::TensorFile;
 
@@ -23,10 +21,15 @@ const CHECKPOINT: &str = "X-Avatar checkpoint";
 const BLEND: u32 = 20;
 /// Logits of the tree-structured softmax over SMPL-X: a joint each, and the gates of four that branch.
 const SKINNING_LOGITS: usize = 59;
-/// State dicts of a `.pth`, and prefixes in a `.ckpt`, in the order of [`FIELD_NAMES`]; what precedes a parameter's name in each.
-const STATE_DICTS: [(&str, &str); 3] =
-    [("shapenet_state_dict", ""), ("colornet_state_dict", ""), ("deformer_state_dict", "lbs_network.")];
-const PREFIXES: [&str; 3] = ["shape_net.", "color_net.", "deformer.lbs_network."];
+/// State dicts of a `.pth`, with what precedes a parameter's name in each.
+const STATE_DICTS: PerField<(&str, &str)> = PerField {
+    geometry: ("shapenet_state_dict", ""),
+    texture: ("colornet_state_dict", ""),
+    skinning: ("deformer_state_dict", "lbs_network."),
+};
+/// What precedes a parameter's name in the one state dict of a `.ckpt`.
+const PREFIXES: PerField<&str> =
+    PerField { geometry: "shape_net.", texture: "color_net.", skinning: "deformer.lbs_network." };
 
 /// What `meta_info.npz` says of a checkpoint.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,16 +90,14 @@ impl Avatar {
         let value = read_torch(checkpoint)?;
         let networks = Networks::of(checkpoint, &value)?;
         let config = networks.configuration(meta.representation)?;
-        let SkinningSettings::Network(shape) = &config.fields.skinning else {
-            return Err(networks.refuse("no skinning network".into(), "one"));
-        };
         let bounds = canonical_box(&body.canonical_vertices(&meta.betas, &[0.0; 10])?);
-        let mut fields = Fields::new(&config.fields, Skinning::network(shape)?, bounds)?;
-        load_parameters(&networks.tensors, &mut fields)
+        let fields = Fields::read(&networks.tensors, checkpoint, &config.fields, bounds)
             .map_err(|error| networks.refuse(error.to_string(), "parameters that fit one another"))?;
-        let known = fields.networks().iter().map(|network| network.layout().entries().len()).sum::<usize>();
-        if networks.tensors.tensors.len() != known {
-            return Err(networks.refuse(format!("{} parameters", networks.tensors.tensors.len()), &format!("{known}")));
+        let mut known = TensorFile::default();
+        fields.insert_into(&mut known);
+        let [found, known] = [&networks.tensors, &known].map(|file| file.tensors.len());
+        if found != known {
+            return Err(networks.refuse(format!("{found} parameters"), &format!("{known}")));
         }
         let subject = Subject {
             gender: meta.gender,
@@ -136,11 +137,11 @@ impl Networks {
     fn of(path: &Path, value: &Value) -> Result<Self> {
         let mut networks = Self { path: path.into(), tensors: TensorFile::default() };
         if let Some(state) = value.get("state_dict") {
-            for (field, prefix) in FIELD_NAMES.into_iter().zip(PREFIXES) {
+            for (field, prefix) in PREFIXES.named() {
                 networks.insert(field, prefix, state)?;
             }
         } else {
-            for (field, (key, prefix)) in FIELD_NAMES.into_iter().zip(STATE_DICTS) {
+            for (field, (key, prefix)) in STATE_DICTS.named() {
                 let state = value.get(key).ok_or_else(|| {
                     networks.refuse(
                         format!("no `{key}`"),
@@ -266,7 +267,7 @@ impl Networks {
             path: self.path.clone(),
             found,
             expected: expected.into(),
-            remedy: format!("pass an {CHECKPOINT} of a SMPL-X subject (.pth, or Lightning's .ckpt)"),
+            remedy: format!("pass an {CHECKPOINT} of a SMPL-X subject (.pth, or Lightning's .ckpt)").into(),
         })
     }
 }

@@ -12,7 +12,7 @@ use xavatar::avatar::{Avatar, Subject};
 use xavatar::body::{BodyModel, Gender, PartLabels};
 use xavatar::config::Config;
 use xavatar::data::{Clip, Motion, MotionOptions, read_motion};
-use xavatar::fields::FIELD_NAMES;
+use xavatar::formats::Shown;
 use xavatar::formats::{Array, ArrayMap, Value, read_npy, read_npz, read_pickle, read_pickle_arrays};
 use xavatar::mesh::{Colouring, MESH_EXTENSIONS, Note, ReadMesh, SurfacePoint, Topology, TriangleMesh, read_mesh};
 
@@ -136,13 +136,17 @@ impl ArrayDescription {
 
 fn of_avatar(path: &Path) -> anyhow::Result<Content> {
     let Avatar { fields, config, subject, steps } = Avatar::load(path)?;
-    let parameters = FIELD_NAMES.into_iter().zip(fields.networks());
-    let voxels = fields.skinning.voxels();
+    let counts = fields.parameters().map(<[f32]>::len);
+    let skinning_grid = fields.skinning.nodes().map(|nodes| (counts.skinning, nodes));
+    let mut parameters = BTreeMap::from(counts.named());
+    if skinning_grid.is_some() {
+        parameters.remove("skinning");
+    }
     Ok(Content::Avatar(Box::new(AvatarDescription {
         steps,
         surface: format!("{:?}", fields.geometry.representation),
-        parameters: parameters.map(|(name, network)| (name, network.parameters().len())).collect(),
-        skinning_grid: voxels.map(|voxels| (voxels.parameters().len(), voxels.baked().grid().len())),
+        parameters,
+        skinning_grid,
         subject,
         config,
     })))
@@ -266,5 +270,7 @@ impl fmt::Display for AvatarDescription {
 }
 
 fn write_arrays(formatter: &mut fmt::Formatter<'_>, arrays: &Arrays) -> fmt::Result {
-    arrays.iter().try_for_each(|(name, array)| writeln!(formatter, "  {name:<24} {}", array.description))
+    arrays
+        .iter()
+        .try_for_each(|(name, array)| writeln!(formatter, "  {:<24} {}", Shown(name).to_string(), array.description))
 }

@@ -5,7 +5,6 @@
 
 use glam::{Affine3A, Quat, Vec3, Vec3A};
 use rayon::prelude::*;
-use xavatar_network::SkinningTrace;
 
 use super::expressions::{EXPRESSIONS, displacements};
 use super::influences::Influences;
@@ -13,11 +12,10 @@ use super::rig::{Joint, blend, skinning_transforms};
 use super::skeleton::{joint_poses, rotations, skeleton};
 use crate::avatar::{Avatar, FixedTopology};
 use crate::body::{BodyModel, BodyParameters, JOINTS};
+use crate::fields::{CONDITION, FieldEvaluator};
 use crate::mesh::TriangleMesh;
 use crate::{Error, InputError, Result};
 
-/// Rows a thread evaluates at a time.
-const BLOCK_ROWS: usize = 256;
 /// A body model whose joints are this far from the avatar's is another one, metres.
 const SAME_JOINT: f32 = 1e-3;
 
@@ -68,7 +66,7 @@ impl<'a> Reference<'a> {
                 (extraction.mesh, weights, extraction.dropped_components)
             }
         };
-        let warp_has_expressions = body.is_some() && avatar.fields.skinning.voxels().is_some();
+        let warp_has_expressions = body.is_some() && avatar.fields.skinning.carries_blend_shapes();
         let expressions = match warp_has_expressions {
             true => Vec::new(),
             false => displacements(avatar, &mesh.vertices),
@@ -142,14 +140,7 @@ pub(super) fn skin(influences: &Influences, transforms: &[Affine3A], points: &[V
 
 fn skinning_weights(avatar: &Avatar, vertices: &[Vec3]) -> Vec<f32> {
     let points: Vec<[f32; 3]> = vertices.iter().map(Vec3::to_array).collect();
-    let mut weights = vec![0.0; points.len() * JOINTS];
-    weights
-        .par_chunks_mut(BLOCK_ROWS * JOINTS)
-        .zip(points.par_chunks(BLOCK_ROWS))
-        .for_each_init(SkinningTrace::default, |trace, (weights, points)| {
-            avatar.fields.skinning.weights(trace, points, weights)
-        });
-    weights
+    FieldEvaluator::new(&avatar.fields, &[0.0; CONDITION]).weights(&points)
 }
 
 fn require_own_body(avatar: &Avatar, body: &BodyModel) -> Result<()> {
@@ -163,6 +154,6 @@ fn require_own_body(avatar: &Avatar, body: &BodyModel) -> Result<()> {
         path: body.path().into(),
         found: format!("a body model whose joints are up to {:.1} mm from the avatar's", 1000.0 * farthest),
         expected: "the model that the avatar was trained with".into(),
-        remedy: format!("pass that model, of gender {}, or none", avatar.subject.gender),
+        remedy: format!("pass that model, of gender {}, or none", avatar.subject.gender).into(),
     }))
 }

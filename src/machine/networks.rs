@@ -11,11 +11,9 @@ use xavatar_network::{
 
 use super::Seconds;
 use crate::config::{Config, SkinningSettings};
-use crate::fields::{CONDITION, skeleton_parents};
+use crate::fields::{BLOCK_ROWS, CONDITION, skeleton_parents};
 use crate::{Error, InputError, Result};
 
-/// As training has them.
-const BLOCK_ROWS: usize = 256;
 /// Rows, inner extent and columns of the reference products: large, and as one block of the geometry network.
 const REFERENCES: [[usize; 3]; 3] = [[1024, 1024, 1024], [512, 512, 512], [BLOCK_ROWS, 512, 512]];
 /// Multiply-adds of one measurement of the reference, a thread.

@@ -153,11 +153,10 @@ impl Report<'_> {
 
     fn all_facts(&self, training: &TrainingRecord) -> Vec<Fact> {
         let Avatar { fields, config, .. } = self.avatar;
-        let parameters: usize = fields.networks().iter().map(|network| network.parameters().len()).sum();
-        let logits = fields.skinning.voxels().map_or(0, |voxels| voxels.parameters().len());
+        let parameters: usize = fields.parameters().map(<[f32]>::len).named().iter().map(|(_, count)| count).sum();
         let mut facts = vec![Fact::new("Preset", config.preset.clone())];
         facts.extend(self.facts.iter().cloned());
-        facts.push(Fact::new("Parameters", grouped((parameters + logits) as i64)));
+        facts.push(Fact::new("Parameters", grouped(parameters as i64)));
         if let Some(seconds) = training.seconds() {
             facts.push(Fact::new("Time in training steps", duration(seconds)));
         }

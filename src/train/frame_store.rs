@@ -14,6 +14,7 @@ use crate::body::{BodyModel, PartLabels};
 use crate::config::Config;
 use crate::data::{FrameId, FrameNotes};
 use crate::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
+use crate::formats::{Choice, Remedy};
 use crate::{Error, InputError, Result};
 
 const FOLDER: &str = "cache";
@@ -88,7 +89,7 @@ impl<'a> FrameStore<'a> {
             return Err(Error::from(InputError::Missing {
                 path: run.into(),
                 what: "a usable training frame".into(),
-                remedy: "run `xavatar check` on the data".into(),
+                remedy: Remedy::choosing(Choice::CheckData, "check the data"),
             }));
         }
         store.seen = match config.rgbd {

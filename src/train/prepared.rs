@@ -2,16 +2,16 @@
 //!
 //! Everything is in the body's frame: the registration's translation is subtracted from what was captured.
 
+use std::sync::Arc;
+
 use glam::Vec3;
-use xavatar_deformer::BoneTransform;
 
 use super::camera_view::CameraView;
 use super::captured::CapturedFrame;
 use crate::body::{BodyModel, Part, PartLabels, Registration};
 use crate::config::{Config, HandSupervision, SamplingSettings, SamplingStrategy};
-use crate::correspondence::bone_rows;
 use crate::data::{FrameId, ScanFrame};
-use crate::fields::condition;
+use crate::fields::FieldPose;
 use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
 use crate::{Error, Result};
 
@@ -48,10 +48,7 @@ pub(super) struct Region {
 /// One frame of training data.
 pub(super) struct PreparedFrame<'a> {
     pub id: FrameId,
-    pub condition: Vec<f32>,
-    pub bones: Vec<BoneTransform<f32>>,
-    /// What expression and pose add to the canonical body's vertices (V).
-    pub offsets: Vec<Vec3>,
+    pub pose: Arc<FieldPose>,
     pub supervision: Supervision<'a>,
 }
 
@@ -90,9 +87,7 @@ impl<'a> PreparedFrame<'a> {
             let registered = RegisteredBody { mesh, labels, registration };
             Ok(Self {
                 id: id.clone(),
-                condition: condition(parameters),
-                offsets: body.canonical_offsets(parameters)?,
-                bones: bone_rows(&body.canonical_to_posed(parameters)?),
+                pose: Arc::new(FieldPose::new(body, parameters)?),
                 supervision: match frame {
                     CapturedFrame::Scan(frame) => {
                         Supervision::Scan(Box::new(ScanSupervision::new(*frame, registered, &config.sampling)?))

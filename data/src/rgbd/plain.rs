@@ -167,7 +167,7 @@ fn intrinsics(subject: &Path, layout: &Layout) -> Result<Option<Intrinsics>> {
 }
 
 fn missing(path: PathBuf, what: &str) -> Error {
-    Error::Missing { path, what: what.into(), remedy: format!("correct {}, which names it", Layout::FILE) }
+    Error::Missing { path, what: what.into(), remedy: format!("correct {}, which names it", Layout::FILE).into() }
 }
 
 fn malformed(path: &Path, place: &str, found: impl ToString, expected: &str) -> Error {

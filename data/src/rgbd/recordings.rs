@@ -54,7 +54,7 @@ pub(super) fn refuse(path: &Path) -> Result<()> {
         RECORDINGS.iter().find(|(known, ..)| extension.eq_ignore_ascii_case(known))
     };
     let refusal = |path: &Path, found: String, expected: &str, remedy: String| {
-        Err(Error::Mismatch { path: path.into(), found, expected: expected.into(), remedy })
+        Err(Error::Mismatch { path: path.into(), found, expected: expected.into(), remedy: remedy.into() })
     };
     let pictures = "a folder of pictures with bodies registered to them";
     if path.is_file() {

@@ -10,7 +10,7 @@ use super::{plain, recordings, xhumans};
 use crate::FrameId;
 use crate::xhumans::parameters_of;
 use xavatar_body::{BodyParameters, Gender};
-use xavatar_formats::{Error, Result, read_pickle_arrays, read_picture};
+use xavatar_formats::{Choice, Error, Remedy, Result, read_pickle_arrays, read_picture};
 
 /// A mask's pixel shows the subject from this value on.
 const MASK_THRESHOLD: u8 = 128;
@@ -190,7 +190,7 @@ impl RgbdFiles {
         let camera_row = self.camera_row.ok_or_else(|| Error::Missing {
             path: self.cameras.clone(),
             what: format!("the pose of {}", self.colour.display()),
-            remedy: "leave the frame out with --skip-bad-frames".into(),
+            remedy: Remedy::choosing(Choice::SkipBadFrames, "leave the frame out"),
         })?;
         let frame = RgbdFrame {
             id: self.id.clone(),
@@ -266,13 +266,13 @@ fn classified(metres: f32) -> f32 {
 }
 
 fn must_exist(path: &Path, what: &str) -> Result<()> {
-    if path.is_file() {
+    if path.exists() {
         return Ok(());
     }
     Err(Error::Missing {
         path: path.into(),
         what: what.into(),
-        remedy: "complete the data set, or leave the frame out with --skip-bad-frames".into(),
+        remedy: Remedy::choosing(Choice::SkipBadFrames, "complete the data set, or leave the frame out"),
     })
 }
 

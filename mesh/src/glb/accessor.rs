@@ -2,8 +2,7 @@
 
 use super::container::Container;
 use crate::Parsed;
-use xavatar_formats::Fault;
-use xavatar_formats::excerpt;
+use xavatar_formats::{Fault, excerpt};
 
 /// Rows of equally many numbers.
 struct Rows<'a> {

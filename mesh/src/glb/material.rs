@@ -13,10 +13,7 @@ use super::container::Container;
 use super::document::{Image, Material, Surface, TextureTransform, TextureUse};
 use crate::draft::Paint;
 use crate::texture::{Pictures, find_referenced};
-use xavatar_formats::Fault;
-use xavatar_formats::excerpt;
-use xavatar_formats::{Error, Result};
-use xavatar_formats::{PICTURE_FORMATS, decode_picture};
+use xavatar_formats::{Error, Fault, PICTURE_FORMATS, Result, decode_picture, excerpt, read_bytes};
 
 /// The materials of a file, each opened when it is asked for.
 pub(super) struct Materials<'a> {
@@ -146,7 +143,7 @@ impl<'a> Materials<'a> {
             self.missing.insert(uri.to_owned());
             return Ok(None);
         };
-        Ok(Some(std::fs::read(&file).map_err(Error::io(&file))?.into()))
+        Ok(Some(read_bytes(&file)?.into()))
     }
 
     fn malformed(&self, place: String, found: &str, expected: &str) -> Error {

@@ -11,8 +11,7 @@ use crate::Parsed;
 use crate::draft::{Corner, Draft, Paint, Triangle};
 use crate::notes::{Loss, Note, counted, missing_pictures};
 use crate::{Colouring, ReadMesh};
-use xavatar_formats::{Error, Result};
-use xavatar_formats::{Fault, excerpt};
+use xavatar_formats::{Error, Fault, Result, excerpt};
 
 /// Extensions that a file may require; without those that are not understood it looks different, but is no other mesh.
 const KNOWN_EXTENSIONS: [&str; 4] =

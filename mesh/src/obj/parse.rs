@@ -8,8 +8,7 @@ use crate::Parsed;
 use crate::draft::Corner;
 use crate::surface::unit_normal;
 use crate::text::numbered_lines;
-use xavatar_formats::Fault;
-use xavatar_formats::excerpt;
+use xavatar_formats::{Fault, excerpt};
 
 /// What an OBJ file says; positions of corners are in range.
 #[derive(Debug, Default)]

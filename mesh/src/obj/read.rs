@@ -13,7 +13,7 @@ use crate::notes::{Loss, Note, counted, listed, missing_pictures};
 use crate::text::decode;
 use crate::texture::{Pictures, find_referenced};
 use crate::{Colouring, ReadMesh};
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Result, read_bytes};
 
 /// Reads the OBJ file at `path`, which holds `bytes`, with the MTL files and pictures that it refers to.
 ///
@@ -109,7 +109,7 @@ impl Library {
                 missing.material_files.push(name.clone());
             }
             for file in files {
-                let bytes = std::fs::read(&file).map_err(Error::io(&file))?;
+                let bytes = read_bytes(&file)?;
                 let materials = parse_mtl(&decode(&bytes)).into_iter();
                 library.materials.extend(materials.map(|(name, material)| (name, (file.clone(), material))));
             }

@@ -2,8 +2,7 @@
 
 use super::header::{Encoding, Layout, Scalar};
 use crate::Parsed;
-use xavatar_formats::Fault;
-use xavatar_formats::excerpt;
+use xavatar_formats::{Fault, excerpt};
 
 pub(super) struct Body<'a> {
     bytes: &'a [u8],

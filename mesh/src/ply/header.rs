@@ -1,8 +1,7 @@
 //! The text at the start of a PLY file: its encoding and the layout of its elements.
 
 use crate::Parsed;
-use xavatar_formats::Fault;
-use xavatar_formats::excerpt;
+use xavatar_formats::{Fault, excerpt};
 
 /// Longest header read, bytes.
 const LONGEST_HEADER: usize = 1 << 16;

@@ -14,9 +14,7 @@ use crate::notes::{Loss, Note, counted, missing_pictures};
 use crate::text::decode;
 use crate::texture::{Pictures, find_referenced};
 use crate::{Colouring, ReadMesh, TriangleMesh};
-use xavatar_formats::Fault;
-use xavatar_formats::Result;
-use xavatar_formats::excerpt;
+use xavatar_formats::{Fault, Result, excerpt};
 
 /// Reads the PLY file at `path`, which holds `bytes`, with the pictures that it refers to.
 ///
@@ -147,7 +145,7 @@ impl Content {
     fn open_pictures(&self, path: &Path, reasons: &mut Vec<String>) -> Result<Option<Opened>> {
         let has_coordinates = self.vertices.uvs.is_some() || self.faces.uvs.is_some();
         let has_colours = self.vertices.colours.is_some() || self.faces.colours.is_some();
-        if !has_coordinates || self.faces.triangles.is_empty() {
+        if !has_coordinates {
             return Ok(None);
         }
         if self.texture_files.is_empty() && !has_colours {
@@ -163,6 +161,10 @@ impl Content {
             opened.place_of.push(found.map(|file| opened.pictures.read(&file)).transpose()?);
         }
         reasons.extend(missing_pictures(&missing));
+        if self.faces.triangles.is_empty() {
+            reasons.extend((!opened.pictures.is_empty()).then(|| "a picture, but no face that it could be on".into()));
+            return Ok(None);
+        }
         Ok(Some(opened).filter(|opened| !opened.pictures.is_empty()))
     }
 

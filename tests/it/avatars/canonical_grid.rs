@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 use xavatar::body::{BodyParameters, PoseAxisAngle};
-use xavatar::canonical_grid::{BodyPlaces, CanonicalGrid, VoxelShape};
-use xavatar::correspondence::bone_rows;
+use xavatar::config::VoxelShape;
+use xavatar::fields::{BodyPlaces, CanonicalGrid, bone_rows};
 use xavatar::synthetic::BuiltInSubject;
 use xavatar_deformer::{Warp, deform};
 

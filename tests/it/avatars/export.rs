@@ -8,10 +8,9 @@ use gltf::animation::util::ReadOutputs;
 use tempfile::TempDir;
 use xavatar::avatar::{Avatar, FixedTopology, Subject};
 use xavatar::body::{BodyModel, BodyParameters, Gender, HandPose, JOINT_NAMES, PARENTS, PoseAxisAngle};
-use xavatar::canonical_grid::{CanonicalGrid, VoxelShape};
-use xavatar::config::{Config, SkinningSettings};
+use xavatar::config::{Config, SkinningSettings, VoxelShape};
 use xavatar::export::{RiggedMesh, Rigging, bake_texture, write_glb};
-use xavatar::fields::{Fields, Skinning, condition};
+use xavatar::fields::{CanonicalGrid, Fields, Skinning, condition};
 use xavatar::mesh::{Colouring, ReadMesh, read_mesh, write_obj, write_ply};
 use xavatar::synthetic::{BuiltInSubject, Split};
 use xavatar_network::Trace;
@@ -43,7 +42,7 @@ fn avatar(grid: bool) -> Avatar {
         let shape = VoxelShape { spacing: 0.1, fine_spacing: 0.05 };
         config.fields.skinning = SkinningSettings::Voxels(shape);
         let grid = CanonicalGrid::new(body, subject().part_labels(), &betas, shape).unwrap();
-        Skinning::Voxels(grid.skinning(body).unwrap())
+        Skinning::grid(grid.skinning(body).unwrap())
     } else {
         let SkinningSettings::Network(shape) = &config.fields.skinning else { unreachable!("a paper preset") };
         Skinning::network(shape).unwrap()

@@ -8,6 +8,7 @@ use xavatar::avatar::Avatar;
 use xavatar::body::Gender;
 use xavatar::config::Config;
 use xavatar::data::{BACKGROUND, FrameId, RgbdFrame, RgbdSource};
+use xavatar::fields::PerField;
 use xavatar::formats::{Error, Result};
 use xavatar::mesh::camera::PinholeCamera;
 use xavatar::render::render_rgbd;
@@ -104,21 +105,19 @@ fn train(config: &Config, film: &Filmed, subject: &BuiltInSubject, run: &Path) -
     records
 }
 
-fn parameters(run: &Path) -> (Vec<Vec<f32>>, Option<Vec<f32>>) {
-    let fields = Avatar::load(run).unwrap().fields;
-    let networks = fields.networks().iter().map(|network| network.parameters().to_vec()).collect();
-    (networks, fields.skinning.voxels().map(|voxels| voxels.parameters().to_vec()))
+fn parameters(run: &Path) -> PerField<Vec<f32>> {
+    Avatar::load(run).unwrap().fields.parameters().map(<[f32]>::to_vec)
 }
 
 #[test]
 fn a_run_goes_on_without_its_source_and_ends_the_same() {
     let subject = BuiltInSubject::new().unwrap();
     let mut film = Filmed::new(&subject);
-    let (config, folder) = (config(&[("losses.free_space", "50")]), tempfile::tempdir().unwrap());
+    let (config, folder) = (config(&[]), tempfile::tempdir().unwrap());
     let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
     let records = train(&config, &film, &subject, &whole);
     let last = records.0.last().unwrap();
-    for term in ["distance", "colour", "free_space", "total"] {
+    for term in ["distance", "colour", "total"] {
         assert!(last.losses[term].is_finite() && last.losses[term] > 0.0, "{term}: {:?}", last.losses);
     }
 
@@ -151,8 +150,6 @@ fn the_published_losses_train_too() {
     let folder = tempfile::tempdir().unwrap();
     let settings = [
         ("rgbd.off_surface", "false"),
-        ("rgbd.free_points", "0"),
-        ("losses.free_space", "0"),
         ("losses.normal", "0.1"),
         ("losses.eikonal", "0.5"),
         ("sampling.far_points", "0"),

@@ -117,7 +117,7 @@ fn the_subject_is_the_meta_files() {
 fn a_file_from_before_the_archives_is_told_from_a_broken_one() {
     let error = read_torch(golden("legacy.pth")).unwrap_err();
     assert!(
-        matches!(&error, InputError::Mismatch { remedy, .. } if remedy.contains("torch.save(torch.load(")),
+        matches!(&error, InputError::Mismatch { remedy, .. } if remedy.words().contains("torch.save(torch.load(")),
         "{error}"
     );
     let error = read_torch(golden("meta_info.npz")).unwrap_err();

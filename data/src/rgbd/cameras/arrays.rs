@@ -4,18 +4,17 @@ use std::path::Path;
 
 use glam::{Mat4, Vec4};
 use serde_json::{Map, Value};
-use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result, read_npz};
+use xavatar_formats::{Array, ArrayData, ArrayMap, Result, read_npz, read_text};
 
 use super::{Matrices, malformed, open3d};
 
 /// Reads the file; JSON and TOML by their extensions, others as npz.
 pub(super) fn read(path: &Path) -> Result<Matrices> {
-    let text = || std::fs::read_to_string(path).map_err(Error::io(path));
     let wrong = |error: &dyn std::fmt::Display| malformed(path, "the text", error, "a table of matrices");
     let table: Map<String, Value> =
         match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
-            Some("json") => serde_json::from_str(&text()?).map_err(|error| wrong(&error))?,
-            Some("toml") => toml::from_str(&text()?).map_err(|error| wrong(&error.message()))?,
+            Some("json") => serde_json::from_str(&read_text(path)?).map_err(|error| wrong(&error))?,
+            Some("toml") => toml::from_str(&read_text(path)?).map_err(|error| wrong(&error.message()))?,
             _ => return of_arrays(path, &read_npz(path)?),
         };
     if let Some(found) = open3d::matrices(path, &table)? {

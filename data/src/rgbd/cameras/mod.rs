@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use glam::{Mat3, Mat4, Vec3};
 use serde::{Deserialize, Serialize};
 
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Error, Result, read_bytes};
 use xavatar_mesh::camera::PinholeCamera;
 
 const FORMAT: &str = "camera file";
@@ -45,7 +45,7 @@ impl Intrinsics {
     /// # Errors
     /// [`Error::Missing`], [`Error::Malformed`] or [`Error::Refused`], naming the file.
     pub fn read(path: &Path, origin: PixelOrigin) -> Result<Self> {
-        if !path.is_file() {
+        if !path.exists() {
             return Err(Error::Missing {
                 path: path.into(),
                 what: "the calibration".into(),
@@ -87,7 +87,7 @@ impl CameraTable {
     /// # Errors
     /// [`Error::Missing`], [`Error::Malformed`] or [`Error::Refused`], naming the file and the array.
     pub fn read(path: &Path, origin: PixelOrigin, intrinsics: Option<Intrinsics>) -> Result<Self> {
-        if !path.is_file() {
+        if !path.exists() {
             return Err(Error::Missing {
                 path: path.into(),
                 what: "the cameras of the sequence".into(),
@@ -204,7 +204,7 @@ fn pinhole(path: &Path, matrix: &Mat4, origin: PixelOrigin) -> Result<Intrinsics
 
 /// The matrix of a text file of 9, 12 or 16 numbers, row by row.
 fn text_matrix(path: &Path) -> Result<Mat4> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read_bytes(path)?;
     let text = String::from_utf8_lossy(&bytes);
     let words = text.split(|c: char| c.is_ascii_whitespace() || c == ',').filter(|word| !word.is_empty());
     let numbers: Option<Vec<f32>> =

@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
-use xavatar_formats::{Error, Result, excerpt};
+use xavatar_formats::{Result, excerpt, read_bytes};
 
 use super::malformed;
 
@@ -23,7 +23,7 @@ pub(super) struct Pose {
 /// # Errors
 /// [`Error::Io`]; [`Error::Malformed`] naming the line.
 pub(super) fn read(path: &Path) -> Result<Vec<Pose>> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read_bytes(path)?;
     let mut poses = Vec::new();
     let mut rows: Vec<f64> = Vec::new();
     for (index, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
