@@ -5,14 +5,17 @@ use std::borrow::Cow;
 /// The text in `bytes`: UTF-16 if a byte order mark or the zeros of its ASCII letters say so, else UTF-8. What is neither is
 /// replaced: only names can be other than ASCII.
 pub(super) fn decode(bytes: &[u8]) -> Cow<'_, str> {
-    let (rest, unit): (&[u8], fn([u8; 2]) -> u16) = match bytes {
-        [0xff, 0xfe, rest @ ..] => (rest, u16::from_le_bytes),
-        [0xfe, 0xff, rest @ ..] => (rest, u16::from_be_bytes),
-        [1..=255, 0, 1..=255, 0, ..] => (bytes, u16::from_le_bytes),
-        [0, 1..=255, 0, 1..=255, ..] => (bytes, u16::from_be_bytes),
-        _ => return String::from_utf8_lossy(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)),
-    };
-    let units = rest.as_chunks::<2>().0.iter().map(|&pair| unit(pair));
+    match bytes {
+        [0xff, 0xfe, rest @ ..] => utf_16(rest, u16::from_le_bytes).into(),
+        [0xfe, 0xff, rest @ ..] => utf_16(rest, u16::from_be_bytes).into(),
+        [1..=255, 0, 1..=255, 0, ..] => utf_16(bytes, u16::from_le_bytes).into(),
+        [0, 1..=255, 0, 1..=255, ..] => utf_16(bytes, u16::from_be_bytes).into(),
+        _ => String::from_utf8_lossy(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)),
+    }
+}
+
+fn utf_16(bytes: &[u8], unit: impl Fn([u8; 2]) -> u16) -> String {
+    let units = bytes.as_chunks::<2>().0.iter().map(|&pair| unit(pair));
     char::decode_utf16(units).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }
 

@@ -79,6 +79,28 @@ fn frames_of_sequence(subject: &Path, layout: &Layout, sequence: &Sequence) -> R
     Ok(pictures.frames.into_iter().zip(rows).zip(cameras).map(frame).collect())
 }
 
+/// Extensions of pictures, in lower case.
+const PICTURE_EXTENSIONS: [&str; 8] = ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "tga", "exr"];
+
+/// What a picture shows, by its name: asked where one folder has several kinds.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Colour,
+    Depth,
+    Mask,
+}
+
+impl Kind {
+    fn of(name: &str) -> Self {
+        let name = name.to_ascii_lowercase();
+        match (name.contains("mask"), name.contains("depth")) {
+            (true, _) => Self::Mask,
+            (false, true) => Self::Depth,
+            (false, false) => Self::Colour,
+        }
+    }
+}
+
 /// The pictures of a sequence.
 struct Found {
     frames: Vec<Pictures>,
@@ -87,23 +109,18 @@ struct Found {
 }
 
 fn find_pictures(folder: &Path, sequence: &Sequence) -> Result<Found> {
-    const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "exr"];
     let [colour, depth] = [&sequence.colour, &sequence.depth].map(|name| folder.join(name));
     let mask = sequence.mask.as_ref().map(|name| folder.join(name));
-    let says = |word: &'static str| move |name: &str| name.to_ascii_lowercase().contains(word);
-    let (says_depth, says_mask) = (says("depth"), says("mask"));
-    let has_mask = |folder: &Path| mask.as_deref() == Some(folder);
-    let read = |folder: &Path, is_wanted: &dyn Fn(&str) -> bool| match folder.is_dir() {
-        true => NumberedFiles::read(folder, &EXTENSIONS, is_wanted),
-        false => Err(missing(folder.into(), "a folder of pictures")),
+    let read = |kind: Kind, folder: &Path| {
+        let kinds = [Some(&colour), Some(&depth), mask.as_ref()];
+        let is_shared = kinds.iter().flatten().filter(|other| **other == folder).count() > 1;
+        match folder.is_dir() {
+            true => NumberedFiles::read(folder, &PICTURE_EXTENSIONS, |name| !is_shared || Kind::of(name) == kind),
+            false => Err(missing(folder.into(), "a folder of pictures")),
+        }
     };
-    // In a folder of several kinds, names tell them apart.
-    let is_shared = colour == depth;
-    let colour_files =
-        read(&colour, &|name| !(is_shared && says_depth(name)) && !(has_mask(&colour) && says_mask(name)))?;
-    let depth_files = read(&depth, &|name| (!is_shared || says_depth(name)) && !(has_mask(&depth) && says_mask(name)))?;
-    let is_shared = mask.as_ref() == Some(&colour) || mask.as_ref() == Some(&depth);
-    let mask_files = mask.as_deref().map(|mask| read(mask, &|name| !is_shared || says_mask(name))).transpose()?;
+    let (colour_files, depth_files) = (read(Kind::Colour, &colour)?, read(Kind::Depth, &depth)?);
+    let mask_files = mask.as_deref().map(|mask| read(Kind::Mask, mask)).transpose()?;
     let folders = Folders { colour: &colour, depth: &depth, mask: mask.as_deref() };
     let frames = association::frames(&folders, &colour_files, &depth_files, mask_files.as_ref())?;
     let colour = match colour_files {
