@@ -11,10 +11,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{FrameFiles, FrameId, ScanFrame, Subject, read_frame};
+use super::{FrameFiles, FrameId, FrameNotes, ScanFrame, Subject, read_frame};
 use xavatar_body::{BodyModel, BodyParameters, HandPose, Part, PartLabels, Role, Skeleton, smplx};
 use xavatar_formats::Result;
-use xavatar_mesh::{SurfaceIndex, Topology};
+use xavatar_mesh::{Note, SurfaceIndex, Topology};
 
 /// Frames that are measured.
 const MEASURED: usize = 16;
@@ -117,26 +117,27 @@ pub fn check(
     let standing = body.pose(&body.skeleton().rest_pose().in_shape(&subject.betas))?;
     let files: Vec<&FrameFiles> = subject.train.iter().chain(&subject.test).collect();
     let stride = files.len().div_ceil(MEASURED).max(1);
-    let frames: Vec<Result<Option<Measurement>>> = files
+    let frames: Vec<Result<(Vec<Note>, Option<Measurement>)>> = files
         .par_iter()
         .enumerate()
         .map(|(place, files)| {
-            let frame = read_frame(files, &subject.betas);
-            let measured = match frame {
-                Ok(frame) if place % stride == 0 => {
-                    measure(&frame, body, labels).map(Some).map_err(|error| error.in_frame(frame.id.to_string()))
-                }
-                Ok(_) => Ok(None),
-                Err(error) => Err(error),
-            };
+            let seen = read_frame(files, &subject.betas).and_then(|frame| {
+                let measured = (place % stride == 0).then(|| measure(&frame, body, labels)).transpose();
+                let measured = measured.map_err(|error| error.in_frame(frame.id.to_string()))?;
+                Ok((frame.notes, measured))
+            });
             progress();
-            measured
+            seen
         })
         .collect();
+    let mut notes = FrameNotes::default();
+    for (files, seen) in files.iter().zip(&frames) {
+        seen.iter().for_each(|(lost, _)| notes.add(&files.id, lost));
+    }
 
     let reasons = frames.iter().map(|frame| frame.as_ref().err().map(reason));
     let (sequences, unusable) = count_sequences(files.iter().map(|files| &files.id).zip(reasons));
-    let measured: Vec<Measurement> = frames.into_iter().filter_map(|frame| frame.ok().flatten()).collect();
+    let measured: Vec<Measurement> = frames.into_iter().filter_map(|frame| frame.ok()?.1).collect();
 
     let heights: Vec<f32> = measured.iter().map(|frame| frame.scan_to_body_height).collect();
     let scan_to_body_height = percentile(heights, 0.5);
@@ -157,6 +158,7 @@ pub fn check(
         warnings: Vec::new(),
     };
     judge(&mut report);
+    report.warnings.extend(notes.lines());
     Ok(report)
 }
 

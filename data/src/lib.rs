@@ -7,6 +7,7 @@
 mod check;
 mod fields;
 mod motion;
+mod notes;
 mod rgbd;
 mod xhumans;
 
@@ -14,6 +15,7 @@ pub use check::{CheckReport, DistanceReport, HandReport, SequenceReport, Unusabl
 pub use motion::{
     Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
 };
+pub use notes::FrameNotes;
 pub use rgbd::{
     BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,
     RgbdFrame, RgbdFrames, RgbdLayout, RgbdSource, RgbdSubject, check_rgbd, read_depth, write_depth,
@@ -24,7 +26,7 @@ pub use xhumans::{Subject, read_frame, write_subject};
 use std::path::PathBuf;
 
 use xavatar_body::BodyParameters;
-use xavatar_mesh::TriangleMesh;
+use xavatar_mesh::{Note, TriangleMesh};
 
 /// Where a frame stands in its subject, displayed as `train/Take1/f00001`.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -83,4 +85,6 @@ pub struct ScanFrame {
     pub scan: TriangleMesh,
     /// Its parameters; the shape is the subject's mean shape.
     pub parameters: BodyParameters,
+    /// What the scan's file says that is not in `scan`.
+    pub notes: Vec<Note>,
 }

@@ -3,6 +3,7 @@
 use crate::body::{BodyModel, BodyParameters, Gender};
 use crate::config::Config;
 use crate::data::{FrameId, FrameSource, PointCloud, RgbdFrame, RgbdSource, ScanFrame};
+use crate::mesh::Note;
 use crate::{Error, InputError, Result};
 
 /// Room around the subject that is kept of a picture, metres at the subject's distance.
@@ -73,6 +74,14 @@ impl CapturedFrame {
         match self {
             Self::Scan(frame) => &frame.id,
             Self::Rgbd(capture) => &capture.frame.id,
+        }
+    }
+
+    /// What reading the frame's files lost.
+    pub fn notes(&self) -> &[Note] {
+        match self {
+            Self::Scan(frame) => &frame.notes,
+            Self::Rgbd(_) => &[],
         }
     }
 

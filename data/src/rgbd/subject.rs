@@ -6,7 +6,7 @@ use super::cameras::{CameraTable, Intrinsics, PixelOrigin};
 use super::depth_file::{DepthPicture, read_depth};
 use super::frame::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, RgbdFrame, RgbdSource};
 use super::layout::Layout;
-use super::{plain, xhumans};
+use super::{plain, recordings, xhumans};
 use crate::FrameId;
 use crate::xhumans::parameters_of;
 use xavatar_body::{Gender, smplx};
@@ -45,7 +45,8 @@ pub struct RgbdFiles {
     pub cameras: PathBuf,
     /// Metres in one unit of the depth picture.
     pub metres_per_unit: f32,
-    pub(super) camera_row: usize,
+    /// None if no pose is of the picture's moment.
+    pub(super) camera_row: Option<usize>,
     pub(super) pixel_origin: PixelOrigin,
     pub(super) intrinsics: Option<Intrinsics>,
     pub(super) registration: RegistrationFile,
@@ -70,9 +71,11 @@ impl RgbdSubject {
     /// A frame of which one file is there counts, so that [`read`](RgbdFiles::read) can say what it lacks.
     ///
     /// # Errors
-    /// [`Error::Missing`] if the folder is in neither layout; what is wrong with its `rgbd.toml`, gender or shape.
+    /// [`Error::Missing`] if the folder is in neither layout; [`Error::Mismatch`] for a recording of a sensor, or pictures of a
+    /// benchmark, that need a `rgbd.toml`; what is wrong with its `rgbd.toml`, gender or shape.
     pub fn open(folder: impl AsRef<Path>) -> Result<Self> {
         let folder = folder.as_ref();
+        recordings::refuse(folder)?;
         let subject =
             if folder.join(Self::LAYOUT_FILE).is_file() { plain::open(folder) } else { xhumans::open(folder) }?;
         if subject.train.is_empty() && subject.test.is_empty() {
@@ -87,9 +90,10 @@ impl RgbdSubject {
         Ok(subject)
     }
 
-    /// Whether a folder has RGB-D frames in a known layout. Reads the layout only.
+    /// Whether a folder has RGB-D frames in a known layout, or a sensor's recording that [`open`](Self::open) knows by name. Reads
+    /// the layout only.
     pub fn is_in(folder: &Path) -> bool {
-        folder.join(Self::LAYOUT_FILE).is_file() || xhumans::has_pictures(folder)
+        folder.join(Self::LAYOUT_FILE).is_file() || xhumans::has_pictures(folder) || recordings::refuse(folder).is_err()
     }
 
     /// The training frames as a source.
@@ -183,9 +187,14 @@ impl RgbdFiles {
             Ok::<_, Error>(mask.into_raw().into_iter().map(|value| value >= MASK_THRESHOLD).collect())
         });
         let cameras = CameraTable::read(&self.cameras, self.pixel_origin, self.intrinsics)?;
+        let camera_row = self.camera_row.ok_or_else(|| Error::Missing {
+            path: self.cameras.clone(),
+            what: format!("the pose of {}", self.colour.display()),
+            remedy: Remedy::choosing(Choice::SkipBadFrames, "leave the frame out"),
+        })?;
         let frame = RgbdFrame {
             id: self.id.clone(),
-            camera: cameras.camera(self.camera_row, size.into())?,
+            camera: cameras.camera(camera_row, size.into())?,
             colour,
             depth: Vec::new(),
             mask: mask.transpose()?,

@@ -10,7 +10,7 @@ use crate::fields::Fields;
 use crate::{FrameFiles, ScanFrame};
 use xavatar_body::{HandPose, smplx};
 use xavatar_formats::{ArrayData, ArrayMap, Error, Result, Value, read_pickle, read_pickle_arrays};
-use xavatar_mesh::{Colouring, TriangleMesh, read_ply};
+use xavatar_mesh::{Colouring, ReadMesh, TriangleMesh, read_mesh};
 
 const FORMAT: &str = "X-Humans frame";
 
@@ -23,11 +23,11 @@ const FORMAT: &str = "X-Humans frame";
 /// [`Error::Mismatch`] for an empty scan, or [`Error::Refused`].
 pub fn read_frame(files: &FrameFiles, betas: &[f32]) -> Result<ScanFrame> {
     let read = || {
-        let scan = match &files.atlas {
-            Some(atlas) => textured_scan(&files.scan, atlas)?,
+        let ReadMesh { mesh: scan, notes } = match &files.atlas {
+            Some(atlas) => ReadMesh { mesh: textured_scan(&files.scan, atlas)?, notes: Vec::new() },
             None => {
                 must_exist(&files.scan, "the frame's scan")?;
-                read_ply(&files.scan)?
+                read_mesh(&files.scan)?
             }
         };
         scan.check().map_err(|error| in_scan(error, &files.scan))?;
@@ -42,7 +42,7 @@ pub fn read_frame(files: &FrameFiles, betas: &[f32]) -> Result<ScanFrame> {
         must_exist(&files.parameters, "the frame's SMPL-X parameters")?;
         let arrays = read_pickle_arrays(&files.parameters)?;
         let parameters = smplx::Parameters { betas: betas.to_vec(), ..parameters_of(&files.parameters, &arrays)? };
-        Ok(ScanFrame { id: files.id.clone(), scan, parameters: parameters.into() })
+        Ok(ScanFrame { id: files.id.clone(), scan, parameters: parameters.into(), notes })
     };
     read().map_err(|error: Error| error.in_frame(files.id.to_string()))
 }

@@ -144,7 +144,7 @@ mod tests {
             normals: Some(vec![Vec3::Z; 3]),
             colouring: Colouring::Texture { uvs: vec![Vec2::new(0.25, 0.5); 3], image: Arc::new(image) },
         };
-        let frame = ScanFrame { id: id(), scan, parameters: parameters() };
+        let frame = ScanFrame { id: id(), scan, parameters: parameters(), notes: Vec::new() };
         let CapturedFrame::Scan(read) = read_back(&CapturedFrame::Scan(Box::new(frame.clone()))) else {
             panic!("not a scan")
         };

@@ -7,7 +7,7 @@ use xavatar::body::{BodyModel, Part, PartLabelSource, PartLabels, Pose, PoseAxis
 use xavatar::data::{FrameId, ScanFrame};
 use xavatar::evaluate::{Evaluation, Report, SmplxD};
 use xavatar::formats::{Array, ArrayData, read_npz};
-use xavatar::mesh::{TriangleMesh, read_ply};
+use xavatar::mesh::{TriangleMesh, read_mesh};
 use xavatar::{Error, Result};
 
 /// Radius of the body, metres; the scan's is 0.02 more.
@@ -19,7 +19,7 @@ fn golden(name: &str) -> std::path::PathBuf {
 }
 
 fn ball(radius: f32) -> TriangleMesh {
-    let mut ball = read_ply(golden("sphere.ply")).unwrap();
+    let mut ball = read_mesh(golden("sphere.ply")).unwrap().mesh;
     ball.vertices.iter_mut().for_each(|vertex| *vertex = vertex.normalize() * radius);
     ball
 }
@@ -66,7 +66,12 @@ fn frame(number: u32) -> ScanFrame {
     let place = Affine3A::from_rotation_translation(Quat::from_scaled_axis(turn), transl);
     let mut scan = ball(SCAN_RADIUS);
     scan.vertices.iter_mut().for_each(|vertex| *vertex = place.transform_point3(*vertex));
-    ScanFrame { id: FrameId { split: "test".into(), sequence: "Take1".into(), number }, scan, parameters }
+    ScanFrame {
+        id: FrameId { split: "test".into(), sequence: "Take1".into(), number },
+        scan,
+        parameters,
+        notes: Vec::new(),
+    }
 }
 
 fn evaluate(predict: impl Fn(&ScanFrame, &Pose) -> Result<TriangleMesh>) -> Result<Report> {

@@ -11,7 +11,7 @@ use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::config::{Config, SkinningSettings, VoxelShape};
 use xavatar::export::{RiggedMesh, Rigging, bake_texture, write_glb};
 use xavatar::fields::{CanonicalGrid, Fields, Skinning};
-use xavatar::mesh::{Colouring, read_mesh, write_obj, write_ply};
+use xavatar::mesh::{Colouring, ReadMesh, read_mesh, write_obj, write_ply};
 use xavatar::synthetic::{BuiltInSubject, Split};
 use xavatar_network::Trace;
 
@@ -404,7 +404,7 @@ fn a_baked_texture_shows_the_fields_colours() {
     write_obj(&obj, &baked.mesh).unwrap();
     write_ply(&ply, &baked.mesh).unwrap();
     for path in [obj, ply] {
-        let read = read_mesh(&path).unwrap();
+        let read = read_mesh(&path).unwrap().mesh;
         let (Colouring::Texture { image, .. }, Colouring::Texture { image: written, .. }) =
             (&read.colouring, &baked.mesh.colouring)
         else {
@@ -437,4 +437,21 @@ fn a_textured_rig_moves_as_the_coloured_one() {
     let reader = primitive.reader(glb.data());
     assert!(reader.read_colors(0).is_none());
     assert!(reader.read_tex_coords(0).unwrap().into_f32().flatten().all(|c| (0.0..=1.0).contains(&c)));
+    // Read as meshes, both stand as they were bound, in the same colours.
+    for rigged in [coloured, textured] {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join("avatar.glb");
+        write_glb(&path, &rigged).unwrap();
+        let ReadMesh { mesh, notes } = read_mesh(&path).unwrap();
+        assert_eq!((notes, &mesh.faces), (vec![], &rigged.mesh.faces));
+        let vertices: Vec<DVec3> = mesh.vertices.iter().map(|vertex| vertex.as_dvec3()).collect();
+        assert!(farthest(&vertices, &rigged.mesh.vertices) < 1e-5);
+        match (&mesh.colouring, &rigged.mesh.colouring) {
+            (Colouring::Vertex(read), Colouring::Vertex(written)) => assert_eq!(read, written),
+            (Colouring::Texture { uvs, image }, Colouring::Texture { uvs: written, image: picture }) => {
+                assert_eq!((uvs, image), (written, picture));
+            }
+            (read, _) => panic!("{read:?}"),
+        }
+    }
 }

@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use xavatar::body::{Part, PartLabelSource, PartLabels, Registration, Role, smplx};
 use xavatar::evaluate::{FrameMetrics, PartMetrics, compare};
-use xavatar::mesh::{TriangleMesh, read_ply};
+use xavatar::mesh::{TriangleMesh, read_mesh};
 
 const SAMPLES: usize = 20_000;
 /// SMPL-X's.
@@ -16,7 +16,7 @@ const FACE: Part = Part(1);
 const LEFT_HAND: Part = Part(2);
 
 fn golden(name: &str) -> TriangleMesh {
-    read_ply(format!("{}/tests/golden/{name}.ply", env!("CARGO_MANIFEST_DIR"))).unwrap()
+    read_mesh(format!("{}/tests/golden/{name}.ply", env!("CARGO_MANIFEST_DIR"))).unwrap().mesh
 }
 
 fn labels(parts: Vec<Part>) -> PartLabels {

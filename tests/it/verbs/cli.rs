@@ -224,7 +224,7 @@ fn meshes_of_fixed_topology_have_the_same_faces() {
     let take = PathBuf::from(data).join("train/Take1");
     let animate = ["animate", run, text(&take), "--body", body, "--resolution", "40", "--out", text(&out)];
     assert_outcome(&[&animate[..], &["--fixed-topology"]].concat(), 0, &["3 meshes"]);
-    let [first, second] = [1, 2].map(|number| read_mesh(out.join(format!("mesh-f{number:05}.ply"))).unwrap());
+    let [first, second] = [1, 2].map(|number| read_mesh(out.join(format!("mesh-f{number:05}.ply"))).unwrap().mesh);
     assert_eq!(first.faces, second.faces);
     assert_ne!(first.vertices, second.vertices);
 }
@@ -371,7 +371,7 @@ fn figures_are_printed_as_json_alone() {
     };
     let mesh = file("canonical.ply");
     let extracted = printed(&["extract", run, "--resolution", "32", "--out", text(&mesh)]);
-    assert_eq!(extracted["vertices"], read_mesh(&mesh).unwrap().vertices.len());
+    assert_eq!(extracted["vertices"], read_mesh(&mesh).unwrap().mesh.vertices.len());
     let (meshes, take) = (file("meshes"), PathBuf::from(data).join("train/Take1"));
     let animate = ["animate", run, text(&take), "--body", body, "--fixed-topology", "--resolution", "32"];
     let animated = printed(&[&animate[..], &["--out", text(&meshes)]].concat());
