@@ -7,6 +7,7 @@
 mod check;
 mod fields;
 mod motion;
+mod notes;
 mod rgbd;
 mod xhumans;
 
@@ -14,6 +15,7 @@ pub use check::{CheckReport, DistanceReport, HandReport, SequenceReport, Unusabl
 pub use motion::{
     Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
 };
+pub use notes::FrameNotes;
 pub use rgbd::{
     BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,
     RgbdFrame, RgbdFrames, RgbdLayout, RgbdSource, RgbdSubject, check_rgbd, read_depth, write_depth,
@@ -24,7 +26,7 @@ pub use xhumans::{Subject, read_frame, write_subject};
 use std::path::PathBuf;
 
 use xavatar_body::BodyParameters;
-use xavatar_mesh::TriangleMesh;
+use xavatar_mesh::{Note, TriangleMesh};
 
 /// Where a frame stands in its subject, displayed as `train/Take1/f00001`.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -68,19 +70,21 @@ pub trait FrameSource: Sync {
     fn read(&self, index: usize) -> xavatar_formats::Result<ScanFrame>;
 
     /// The subject's shape.
-    fn betas(&self) -> [f32; 10];
+    fn betas(&self) -> &[f32];
 
     /// The subject's gender.
     fn gender(&self) -> xavatar_body::Gender;
 }
 
-/// A frame in memory: a coloured scan and the SMPL-X parameters registered to it.
+/// A frame in memory: a coloured scan and the body registered to it.
 #[derive(Clone, Debug)]
 pub struct ScanFrame {
     /// Which frame.
     pub id: FrameId,
     /// The scan in world coordinates (the registration's `transl` not subtracted), metres.
     pub scan: TriangleMesh,
-    /// Parameters; `betas` already replaced by the subject's mean shape.
+    /// Its parameters; the shape is the subject's mean shape.
     pub parameters: BodyParameters,
+    /// What the scan's file says that is not in `scan`.
+    pub notes: Vec<Note>,
 }

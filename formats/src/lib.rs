@@ -6,7 +6,7 @@
 //! | pickle, of every protocol | [`read_pickle`], [`read_pickle_arrays`]: a machine with an allow-list that runs nothing that is in the file |
 //! | PyTorch checkpoint | [`read_torch`] |
 //! | safetensors | [`TensorFile`] |
-//! | PNG, JPEG | [`read_picture`] |
+//! | PNG, JPEG, TIFF, BMP, TGA | [`read_picture`] |
 //!
 //! Files are opened by [`open_file`], which refuses pipes and devices, and read on a budget of memory in proportion to their size.
 //! What messages quote of them goes through [`Shown`], which leaves nothing that steers a terminal.
@@ -44,7 +44,7 @@ pub use npy::{npy_bytes, parse_npy, read_npy};
 pub use npz::{parse_npz, read_npz, write_npz};
 pub use output_folder::{FolderLock, create_folder, is_vacant, remove_partial};
 pub use pickle::{Value, parse_pickle, parse_pickle_arrays, read_pickle, read_pickle_arrays, write_pickle};
-pub use picture_file::{decode_picture, read_picture, write_picture};
+pub use picture_file::{PICTURE_FORMATS, decode_picture, guarded, read_picture, write_picture};
 pub use remedy::{Choice, Remedy};
 pub use shown::{Shown, harmless};
 pub use tensor_file::{NamedTensors, TensorFile};

@@ -134,10 +134,10 @@ impl<'a> Trainer<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Self> {
         let started = Instant::now();
-        let mut canonical = CanonicalBody::new(body, labels, &frames.betas(), config)?;
+        let mut canonical = CanonicalBody::new(body, labels, frames.betas(), config)?;
         let bounds = canonical.bounds();
-        let poser = Poser::for_training(config, body, labels, &frames.betas(), bounds)?;
-        let mut fields = Fields::new(&config.fields, poser.initial_skinning(body)?, bounds)?;
+        let poser = Poser::for_training(config, body, labels, frames.betas(), bounds)?;
+        let mut fields = Fields::new(&config.fields, canonical.condition(), poser.initial_skinning(body)?, bounds)?;
         fields.initialise(config.seed);
         let progress = Progress { running_loss: f64::INFINITY, best_loss: f64::INFINITY, ..Progress::default() };
         let mut state = State { learned: Learned::new(fields), progress };
@@ -148,13 +148,7 @@ impl<'a> Trainer<'a> {
         let engine = CpuEngine::new(EngineInput { config: config.clone(), poser, distances, learned })?;
         let store = FrameStore::open(config, frames, body, labels, run, observer)?;
         canonical.stand_in(store.seen_vertices());
-        let subject = Subject {
-            gender: frames.gender(),
-            betas: frames.betas(),
-            joints: canonical.joints().to_vec(),
-            bounds,
-            frames: store.len(),
-        };
+        let subject = Subject::of(body, frames.gender(), frames.betas(), bounds, store.len())?;
         let epochs = Epochs { config, frames: store, canonical: Arc::new(canonical), follows_weights, ahead: None };
         Ok(Self {
             metrics: MetricsLog::open(run, (progress.pretraining_steps + progress.steps) as usize)?,
@@ -357,11 +351,11 @@ impl<'a> Trainer<'a> {
     /// The first frame beside the avatar in the same pose.
     fn preview(&mut self, observer: &mut dyn Observer) -> Result<()> {
         let frame = self.epochs.frames.read(0)?;
-        let extracted =
-            match self.avatar()?.extract_posed(self.body, self.labels, frame.parameters(), PREVIEW_RESOLUTION) {
-                Err(Error::NoSurface { .. }) => return Ok(()),
-                extracted => extracted?,
-            };
+        let pose = self.body.resolve(frame.parameters())?;
+        let extracted = match self.avatar()?.extract_posed(self.body, self.labels, &pose, PREVIEW_RESOLUTION) {
+            Err(Error::NoSurface { .. }) => return Ok(()),
+            extracted => extracted?,
+        };
         let folder = self.run.join(PREVIEWS);
         fs::create_dir_all(&folder).map_err(InputError::io(&folder))?;
         let path = folder.join(format!("step-{:08}.png", self.progress.steps));

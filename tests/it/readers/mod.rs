@@ -3,6 +3,7 @@
 mod check;
 mod damaged_files;
 mod hostile_files;
+mod meshes;
 mod motion;
 mod motion_bvh;
 mod mutated_files;
