@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 use image::{ImageFormat, Rgb, RgbImage};
+use xavatar::data::{DepthFormat, parse_depth, write_depth};
 use xavatar::formats::decode_picture;
 
 /// What stands between chunks, so that those which grow or shrink leave the others whole.
@@ -37,7 +38,7 @@ pub(super) fn png_seeds() -> Vec<Vec<u8>> {
     let file = |kind: u8, palette: &[u8], rows: &[u8]| {
         let begin = chunk(b"IHDR", &[0, 0, 0, 2, 0, 0, 0, 2, 8, kind, 0, 0, 0]);
         let palette = if palette.is_empty() { Vec::new() } else { chunk(b"PLTE", palette) };
-    // A zlib stream of one stored block.
+        // A zlib stream of one stored block.
         let length = rows.len() as u16;
         let stored = [&[0x78, 0x01, 0x01][..], &length.to_le_bytes(), &(!length).to_le_bytes(), rows].concat();
         let pixels = chunk(b"IDAT", &[&stored[..], &adler32(rows).to_be_bytes()].concat());
@@ -59,6 +60,27 @@ fn adler32(bytes: &[u8]) -> u32 {
         (a, (b + a) % PRIME)
     });
     b << 16 | a
+}
+
+pub(super) fn depth(bytes: &[u8]) -> bool {
+    parse_depth(bytes).is_ok()
+}
+
+/// A ramp in each format that depth is written in.
+pub(super) fn depth_seeds() -> Vec<Vec<u8>> {
+    let depths = [1.5, 1.75, 2.0, 0.5, 3.0, 4.0];
+    let path = |format: DepthFormat| {
+        let name = format!("xavatar-fuzz-{}-{format:?}", std::process::id());
+        std::env::temp_dir().join(name).with_extension(format.extension())
+    };
+    let written = |format: DepthFormat| {
+        let path = path(format);
+        write_depth(&path, &depths, [3, 2], format).ok()?;
+        let bytes = std::fs::read(&path).ok();
+        let _ = std::fs::remove_file(&path);
+        bytes
+    };
+    [DepthFormat::Png, DepthFormat::Tiff, DepthFormat::Exr].into_iter().filter_map(written).collect()
 }
 
 fn encoded(format: ImageFormat) -> Vec<u8> {
