@@ -18,7 +18,7 @@ pub use motion::{
 pub use notes::FrameNotes;
 pub use rgbd::{
     BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,
-    RgbdFrame, RgbdFrames, RgbdLayout, RgbdSource, RgbdSubject, check_rgbd, read_depth, write_depth,
+    RgbdFrame, RgbdFrames, RgbdLayout, RgbdSource, RgbdSubject, check_rgbd, parse_depth, read_depth, write_depth,
     write_rgbd_subject,
 };
 pub use xhumans::{Subject, read_frame, write_subject};
