@@ -2,10 +2,13 @@
 //!
 //! Files -> arrays -> frames. Nothing here knows about training.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 mod capture;
 mod check;
 mod fields;
 mod motion;
+mod notes;
 mod rgbd;
 mod xhumans;
 
@@ -16,9 +19,11 @@ pub use check::{CheckReport, DistanceReport, HandReport, SequenceReport, Unusabl
 pub use motion::{
     Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
 };
+pub use notes::FrameNotes;
 pub use rgbd::{
     BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,
-    RgbdFrame, RgbdFrames, RgbdLayout, RgbdSubject, check_rgbd, read_depth, write_depth, write_rgbd_subject,
+    RgbdFrame, RgbdFrames, RgbdLayout, RgbdSubject, check_rgbd, parse_depth, read_depth, write_depth,
+    write_rgbd_subject,
 };
 pub use xhumans::{Subject, read_frame, write_subject};
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use image::RgbImage;
+use xavatar::body::Role;
 use xavatar::config::Config;
 use xavatar::data::{RgbdSubject, Source, Subject};
 use xavatar::render::{Plot, Series, write_png};
@@ -100,12 +101,16 @@ fn folder_of(turn: f64) -> String {
 
 /// The chamfer distances of the table as lines.
 fn picture_of(table: &RunTable<Turn>) -> xavatar::formats::Result<RgbImage> {
-    let series = ["all", "hands", "face"].iter().enumerate().map(|(part, name)| Series {
-        name: (*name).into(),
+    let parts = [("all", None), ("hands", Some(Role::Hands)), ("face", Some(Role::Face))];
+    let has = |role: Role| table.rows.iter().any(|row| row.metrics.mean.by_role.contains_key(&role));
+    let series = parts.into_iter().filter(|(_, role)| role.is_none_or(has)).map(|(name, role)| Series {
+        name: name.into(),
         points: table
             .rows
             .iter()
-            .map(|row| (row.key.turn, row.metrics.parts()[part].map_or(f64::NAN, |part| part.cd_mm)))
+            .map(|row| (row.key.turn, &row.metrics.mean))
+            .map(|(turn, mean)| (turn, role.map_or(mean.all, |role| mean.of(role))))
+            .map(|(turn, metrics)| (turn, metrics.map_or(f64::NAN, |metrics| metrics.cd_mm)))
             .collect(),
     });
     let plot = Plot {

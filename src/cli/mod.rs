@@ -39,6 +39,8 @@ mod view;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use xavatar::formats::Choice;
+use xavatar::{Error, InputError};
 
 const EXIT_FAILED: u8 = 1;
 const EXIT_WRONG_USAGE: u8 = 2;
@@ -106,7 +108,7 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Unfit) => EXIT_FAILED.into(),
         Ok(Outcome::Stopped) => EXIT_STOPPED.into(),
         Err(error) => {
-            log::error!("{}", message(&error));
+            log::error!("{}{}", message(&error), advice(&error));
             if error.is::<WrongUsage>() { EXIT_WRONG_USAGE } else { EXIT_FAILED }.into()
         }
     }
@@ -121,6 +123,23 @@ fn message(error: &anyhow::Error) -> String {
         }
     }
     message
+}
+
+/// The option that does what the error's remedy says, where this program has one.
+fn advice(error: &anyhow::Error) -> String {
+    let choice_of = |cause: &(dyn std::error::Error + 'static)| match cause.downcast_ref::<Error>() {
+        Some(error) => error.choice(),
+        None => cause.downcast_ref::<InputError>()?.remedy()?.choice(),
+    };
+    let option = |choice| match choice {
+        Choice::SkipBadFrames => "--skip-bad-frames",
+        Choice::ContinueRun => "--resume",
+        Choice::StartRun => "the same command without --resume",
+        Choice::CheckData => "xavatar check",
+        Choice::BoneMap => "--bone-map",
+        Choice::LearningRate => "--set optimiser.learning_rate=...",
+    };
+    error.chain().find_map(choice_of).map_or_else(String::new, |choice| format!(" ({})", option(choice)))
 }
 
 fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {

@@ -61,12 +61,12 @@ impl PosedSubject {
         let run = Run::open(folder.path(), TrainingSpec { config: &config, source: &frame, body: model, labels })?;
         run.train(&AtomicBool::new(false), &mut |_: Event<'_>| {})?;
         let avatar = run.avatar()?;
-        let parameters = &frame.frames()[0].parameters;
-        let vertices = model.pose(parameters)?.vertices.into_iter().cycle().take(points);
+        let pose = model.resolve(&frame.frames()[0].parameters)?;
+        let vertices = model.pose(&pose)?.vertices.into_iter().cycle().take(points);
         Ok(Self {
             avatar,
-            bones: bone_rows(&model.canonical_to_posed(parameters)?),
-            points: vertices.map(|vertex| (vertex - parameters.transl).to_array()).collect(),
+            bones: bone_rows(&model.canonical_to_posed(&pose)?),
+            points: vertices.map(|vertex| (vertex - pose.translation).to_array()).collect(),
         })
     }
 
@@ -81,7 +81,7 @@ impl PosedSubject {
             None => fields.skinning.warp(None, &self.bones, None)?,
             Some(baked) => PosedWarp::sampled(baked, &self.bones)?,
         };
-        let groups = start_groups(Starts::Body)?;
+        let groups = start_groups(Starts::Body, &subject.skeleton)?;
         let labels = vec![0; self.points.len()];
         let search = || warp.candidates(&groups, &config.search, &self.points, &labels);
         let found = search()?.statistics;

@@ -3,15 +3,12 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use xavatar_formats::write_atomically;
+use xavatar_formats::{create_folder, remove_partial, write_atomically};
 
 use super::run::Run;
 use super::table::{RowKey, RunTable};
 use crate::config::Config;
 use crate::{Error, InputError, Result};
-
-/// How a file begins whose writing was cut off.
-const PARTIAL: &str = ".partial-";
 
 /// A folder of runs and their table.
 pub struct Batch {
@@ -28,20 +25,20 @@ impl Batch {
     /// If the folder holds anything else, or a run of other settings.
     pub fn open(folder: &Path, name: &'static str, runs: &[(String, &Config)], others: &[&str]) -> Result<Self> {
         let batch = Self { folder: folder.into(), name };
-        std::fs::create_dir_all(folder).map_err(InputError::io(folder))?;
+        create_folder(folder)?;
+        remove_partial(folder)?;
         for entry in std::fs::read_dir(folder).map_err(InputError::io(folder))? {
             let found = entry.map_err(InputError::io(folder))?.file_name().to_string_lossy().into_owned();
             let own = [batch.json(), batch.markdown()];
             let is_own = own.iter().any(|own| own.file_name().is_some_and(|own| *own == *found))
                 || others.contains(&found.as_str())
-                || runs.iter().any(|(run, _)| *run == found)
-                || found.starts_with(PARTIAL);
+                || runs.iter().any(|(run, _)| *run == found);
             if !is_own {
                 return Err(Error::from(InputError::Mismatch {
                     path: folder.into(),
                     found: format!("a folder that is not empty, and not of {name}: it has `{found}`"),
                     expected: "a new or empty one, or that of the same call before".into(),
-                    remedy: "give another folder".into(),
+                    remedy: "name another folder".into(),
                 }));
             }
         }

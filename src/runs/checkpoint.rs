@@ -1,11 +1,12 @@
 //! The whole state of a run, in one file: parameters, Adam's moments, where training stands.
 //!
-//! Written to a temporary name, synced and renamed; the newest few and the best are kept. Randomness needs no state of its own:
-//! every draw's generator is derived from (seed, step, frame).
+//! Written to a temporary name, synced and renamed; the newest few and the best are kept, and none goes before its successor is on
+//! the disk. One that was damaged there is noticed by its checksum, and the one before takes its place. Randomness needs no state of
+//! its own: every draw's generator is derived from (seed, step, frame).
 
 use std::path::{Path, PathBuf};
 
-use xavatar_formats::TensorFile;
+use xavatar_formats::{TensorFile, create_folder};
 use xavatar_network::Adam;
 
 use crate::train::engine::Learned;
@@ -43,21 +44,29 @@ fn to_file(learned: &Learned, progress: &Progress) -> TensorFile {
     file
 }
 
-/// Replaces a state by that of a run's newest checkpoint, if it has one.
+/// Replaces a state by that of a run's newest checkpoint that is not damaged, if it has one. Damaged ones are removed: they are made
+/// again.
 pub(super) fn restore_newest(run: &Path, state: &mut TrainingState) -> Result<()> {
-    match checkpoints(run)?.first() {
-        Some(newest) => restore(newest, state),
-        None => Ok(()),
+    for path in checkpoints(run)? {
+        match TensorFile::read(&path) {
+            Ok(file) => return restore(&file, &path, state),
+            Err(damaged @ InputError::Malformed { .. }) => {
+                log::warn!("{damaged}; going on from the checkpoint before");
+                std::fs::remove_file(&path).map_err(InputError::io(&path))?;
+            }
+            Err(other) => return Err(other.into()),
+        }
     }
+    Ok(())
 }
 
-fn restore(path: &Path, state: &mut TrainingState) -> Result<()> {
-    let file = TensorFile::read(path)?;
+/// Replaces a state by the one in a file that was read at `path`.
+fn restore(file: &TensorFile, path: &Path, state: &mut TrainingState) -> Result<()> {
     let Learned { fields, adam, sampled_skinning } = &mut state.learned;
-    fields.load_from(&file)?;
+    fields.load_from(file)?;
     for (name, adam) in adam.as_mut().named() {
         let length = adam.first_moment.len();
-        let moment = |kind: &str| stored_vector(&file, path, &format!("{name}.adam.{kind}"), length);
+        let moment = |kind: &str| stored_vector(file, path, &format!("{name}.adam.{kind}"), length);
         *adam = Adam {
             first_moment: moment("first")?,
             second_moment: moment("second")?,
@@ -65,7 +74,7 @@ fn restore(path: &Path, state: &mut TrainingState) -> Result<()> {
         };
     }
     if file.tensors.contains_key(BAKED) {
-        *sampled_skinning = Some(stored_vector(&file, path, BAKED, fields.skinning.parameters().len())?);
+        *sampled_skinning = Some(stored_vector(file, path, BAKED, fields.skinning.parameters().len())?);
     }
     state.progress = Progress {
         pretraining_steps: file.parsed(path, "pretraining_steps")?,
@@ -80,7 +89,7 @@ fn restore(path: &Path, state: &mut TrainingState) -> Result<()> {
 /// Writes a checkpoint, then removes all but the newest `kept` and the best. Returns its path.
 pub(super) fn save(learned: &Learned, progress: &mut Progress, run: &Path, kept: usize) -> Result<PathBuf> {
     let folder = run.join(FOLDER);
-    std::fs::create_dir_all(&folder).map_err(InputError::io(&folder))?;
+    create_folder(&folder)?;
     let best = progress.running_loss < progress.best_loss;
     progress.best_loss = progress.best_loss.min(progress.running_loss);
     let file = to_file(learned, progress);

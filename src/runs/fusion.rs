@@ -40,7 +40,7 @@ pub fn turned(
 
 /// The direction from the subject to the camera about +Y, degrees.
 fn azimuth(frame: &RgbdFrame) -> f64 {
-    let Vec3 { x, z, .. } = frame.camera.position() - frame.parameters.transl;
+    let Vec3 { x, z, .. } = frame.camera.position() - frame.parameters.translation();
     f64::from(x.atan2(z)).to_degrees()
 }
 
@@ -86,7 +86,7 @@ impl Source for SomeCaptures<'_> {
         self.source.read(self.chosen[index])
     }
 
-    fn betas(&self) -> [f32; 10] {
+    fn betas(&self) -> &[f32] {
         self.source.betas()
     }
 
@@ -117,7 +117,7 @@ mod tests {
     use image::RgbImage;
 
     use super::*;
-    use crate::body::BodyParameters;
+    use crate::body::smplx;
     use crate::data::RgbdCapture;
     use crate::mesh::camera::PinholeCamera;
 
@@ -144,7 +144,7 @@ mod tests {
                 colour: RgbImage::new(8, 12),
                 depth: vec![6.0; 96],
                 mask: None,
-                parameters: BodyParameters { transl: subject, ..BodyParameters::default() },
+                parameters: smplx::Parameters { transl: subject, ..Default::default() }.into(),
             })
         }
     }
@@ -162,8 +162,8 @@ mod tests {
             Ok(Capture::Rgbd(Box::new(RgbdCapture::of(self.picture(index)?)?)))
         }
 
-        fn betas(&self) -> [f32; 10] {
-            [0.0; 10]
+        fn betas(&self) -> &[f32] {
+            &[]
         }
 
         fn gender(&self) -> Gender {

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::{Deserialize, Serialize};
-use xavatar_formats::write_atomically;
+use xavatar_formats::{read_bytes, write_atomically};
 
 use super::event::{Event, Observer};
 use super::history::seconds_per_step;
@@ -86,7 +86,7 @@ impl Run<'_> {
         let (mut done, total) = (0, scans.ids().len());
         let report = evaluation.run(
             (0..total).map(|index| scans.scan(index)),
-            |frame| Ok(animator.extract(&frame.parameters, resolution)?.mesh),
+            |_, pose| Ok(animator.extract(pose, resolution)?.mesh),
             |frame| {
                 done += 1;
                 observer.event(Event::Measured { done, total, frame: &frame.frame });
@@ -104,7 +104,7 @@ impl Run<'_> {
 impl Yardstick<'_> {
     /// The result of an earlier call, if it was measured on the same.
     fn measured_before(&self, file: &Path) -> Option<RunMetrics> {
-        let measured: Measured = serde_json::from_str(&std::fs::read_to_string(file).ok()?).ok()?;
+        let measured: Measured = serde_json::from_slice(&read_bytes(file).ok()?).ok()?;
         (measured.split == self.split && measured.resolution == self.resolution).then_some(measured.metrics)
     }
 }

@@ -14,6 +14,7 @@ mod fusion;
 mod history;
 mod measure;
 mod notes;
+mod part_columns;
 mod preview;
 mod run;
 mod table;

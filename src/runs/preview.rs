@@ -28,7 +28,8 @@ pub(super) fn write(
     labels: &PartLabels,
     capture: &Capture,
 ) -> Result<Option<PathBuf>> {
-    let extracted = match avatar.extract_posed(body, labels, capture.parameters(), RESOLUTION) {
+    let pose = body.resolve(capture.parameters())?;
+    let extracted = match avatar.extract_posed(body, labels, &pose, RESOLUTION) {
         Err(Error::NoSurface { .. }) => return Ok(None),
         extracted => extracted?,
     };

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use xavatar_formats::write_atomically;
+use xavatar_formats::{Choice, FolderLock, Remedy, is_vacant, write_atomically};
 
 use super::cache::Cache;
 use super::checkpoint;
@@ -29,39 +29,39 @@ pub enum Ending {
     Stopped,
 }
 
-/// A training in a folder.
+/// A training in a folder, which is this process's alone while the run is open.
 pub struct Run<'a> {
     folder: PathBuf,
     spec: TrainingSpec<'a>,
+    _lock: FolderLock,
 }
 
 impl<'a> Run<'a> {
     /// The run in a folder: begun if there is nothing there yet, else the one that these settings began.
     ///
     /// # Errors
-    /// If the settings are for captures of another kind, or the folder holds something else or a run of other settings.
+    /// If the settings are for captures of another kind, or the folder holds something else, a run of other settings, or one that another
+    /// process works on.
     pub fn open(folder: &Path, spec: TrainingSpec<'a>) -> Result<Self> {
         spec.check()?;
-        if Self::is_begun(folder)? {
+        let is_begun = Self::is_begun(folder)?;
+        if is_begun {
             Self::require_settings(folder, spec.config)?;
-        } else {
-            std::fs::create_dir_all(folder).map_err(InputError::io(folder))?;
+        }
+        let lock = FolderLock::take(folder)?;
+        if !is_begun {
             let settings = spec.config.to_toml()?;
             write_atomically(&folder.join(CONFIG), |file| file.write_all(settings.as_bytes()))?;
         }
-        Ok(Self { folder: folder.into(), spec })
+        Ok(Self { folder: folder.into(), spec, _lock: lock })
     }
 
-    /// Whether there is anything in a folder.
+    /// Whether there is anything finished in a folder.
     ///
     /// # Errors
     /// If it cannot be listed.
     pub fn is_begun(folder: &Path) -> Result<bool> {
-        match std::fs::read_dir(folder) {
-            Ok(mut entries) => Ok(entries.next().is_some()),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
-            Err(error) => Err(InputError::io(folder)(error).into()),
-        }
+        Ok(!is_vacant(folder)?)
     }
 
     /// The settings of the run in a folder.
@@ -74,7 +74,7 @@ impl<'a> Run<'a> {
             return Err(Error::from(InputError::Missing {
                 path: folder.into(),
                 what: format!("a run ({CONFIG})"),
-                remedy: "give a run's folder, or a new or empty one to start a run in".into(),
+                remedy: Remedy::choosing(Choice::StartRun, "start one in a new or empty folder"),
             }));
         }
         Config::read(&path)
@@ -89,7 +89,7 @@ impl<'a> Run<'a> {
             path: folder.into(),
             found: "a run that was started with other settings".into(),
             expected: "one of these settings, or nothing".into(),
-            remedy: "give another folder".into(),
+            remedy: "name another folder".into(),
         }))
     }
 
@@ -115,10 +115,11 @@ impl<'a> Run<'a> {
         Avatar::load(&self.folder)
     }
 
-    /// Trains until all steps are done, the time is up, or `stop` is set; from the newest checkpoint on, if there is one.
+    /// Trains until all steps are done, the time is up, or `stop` is set; from the newest checkpoint on that is not damaged, if there is
+    /// one.
     ///
     /// # Errors
-    /// If a capture is bad (unless the settings skip those), a checkpoint cannot be read (delete it to go on from the one before), a loss or
+    /// If a capture is bad (unless the settings skip those), a checkpoint cannot be read, a loss or
     /// gradient is not finite (the last checkpoint is kept), or a file cannot be written.
     pub fn train(&self, stop: &AtomicBool, observer: &mut dyn Observer) -> Result<Ending> {
         if self.is_finished() {
@@ -186,10 +187,11 @@ impl Session<'_, '_> {
 
     fn checkpoint(&mut self) -> Result<()> {
         self.settle()?;
+        // Before the checkpoint they belong to: a run that goes on from it finds all of its steps noted, whenever the power fails.
+        self.notes.sync()?;
         let (learned, progress) = self.trainer.state()?;
         let kept = self.run.spec.config.schedule.checkpoints_kept;
         let path = checkpoint::save(learned, progress, &self.run.folder, kept)?;
-        self.notes.sync()?;
         self.observer.event(Event::Checkpoint { path: &path });
         Ok(())
     }
@@ -207,20 +209,11 @@ impl Session<'_, '_> {
 
     /// The avatar as it is now.
     fn avatar(&mut self) -> Result<Avatar> {
-        let (joints, bounds) = (self.trainer.joints().to_vec(), self.trainer.bounds());
+        let (source, bounds) = (self.cache, self.trainer.bounds());
+        let body = self.run.spec.body;
+        let subject = Subject::of(body, source.gender(), source.betas(), bounds, source.ids().len())?;
         let (learned, progress) = self.trainer.state()?;
-        let source: &dyn Source = self.cache;
-        Ok(Avatar {
-            fields: learned.fields.clone(),
-            config: self.run.spec.config.clone(),
-            subject: Subject {
-                gender: source.gender(),
-                betas: source.betas(),
-                joints,
-                bounds,
-                frames: source.ids().len(),
-            },
-            steps: progress.steps,
-        })
+        let (fields, config, steps) = (learned.fields.clone(), self.run.spec.config.clone(), progress.steps);
+        Ok(Avatar { fields, config, subject, steps })
     }
 }

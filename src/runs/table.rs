@@ -5,9 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::measure::RunMetrics;
-use crate::evaluate::PartMetrics;
-
-const PARTS: [&str; 3] = ["All", "Hands", "Face"];
+use super::part_columns::PartColumns;
 
 /// What tells the rows of a table apart.
 pub trait RowKey: Serialize {
@@ -43,39 +41,28 @@ impl<K> Default for RunTable<K> {
 }
 
 impl RunMetrics {
-    /// Whole body, hands, face.
-    pub fn parts(&self) -> [Option<PartMetrics>; 3] {
-        [self.mean.all, self.mean.hands, self.mean.face]
-    }
-
     fn seconds(&self) -> String {
         self.seconds_per_step.map_or_else(|| "-".into(), |seconds| format!("{seconds:.3}"))
-    }
-}
-
-/// CD, CD-MAX, NC and IoU as text.
-fn values(metrics: Option<PartMetrics>) -> [String; 4] {
-    match metrics {
-        Some(PartMetrics { cd_mm, cd_max_mm, nc, iou, .. }) => {
-            [format!("{cd_mm:.2}"), format!("{cd_max_mm:.2}"), format!("{nc:.3}"), format!("{iou:.3}")]
-        }
-        None => std::array::from_fn(|_| "-".into()),
     }
 }
 
 impl<K: RowKey> RunTable<K> {
     /// The table in Markdown.
     pub fn markdown(&self) -> String {
-        let columns =
-            PARTS.iter().flat_map(|part| ["CD", "CD-MAX", "NC", "IoU"].map(|value| format!("{part} {value}")));
+        let columns = self.columns();
         let keys = K::COLUMNS.iter().map(|column| (*column).to_owned());
-        let head: Vec<String> = keys.chain(columns).chain(["steps".into(), "s/step".into()]).collect();
+        let ends = ["steps".to_owned(), "s/step".to_owned()];
+        let head: Vec<String> = keys.chain(columns.markdown_heads()).chain(ends).collect();
         let rule = vec!["---".to_owned(); head.len()];
         let rows = self.rows.iter().map(|RunRow { key, metrics }| {
-            let values = metrics.parts().into_iter().flat_map(values);
-            key.cells().into_iter().chain(values).chain([metrics.steps.to_string(), metrics.seconds()]).collect()
+            let ends = [metrics.steps.to_string(), metrics.seconds()];
+            key.cells().into_iter().chain(columns.values(&metrics.mean)).chain(ends).collect()
         });
         [head, rule].into_iter().chain(rows).map(|cells| format!("| {} |\n", cells.join(" | "))).collect()
+    }
+
+    fn columns(&self) -> PartColumns {
+        PartColumns::of(self.rows.iter().map(|row| &row.metrics.mean))
     }
 
     /// The width of each of the key's columns.
@@ -95,21 +82,14 @@ impl<K: RowKey> fmt::Display for RunTable<K> {
             let padded = cells.into_iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}"));
             padded.collect::<Vec<_>>().join(" ")
         };
-        write!(formatter, "{}", keys(vec![String::new(); widths.len()]))?;
-        PARTS.iter().try_for_each(|part| write!(formatter, " | {part:^29}"))?;
-        writeln!(formatter, " | {:>15}", "")?;
-        write!(formatter, "{}", keys(K::COLUMNS.iter().map(|column| (*column).to_owned()).collect()))?;
-        for _ in PARTS {
-            write!(formatter, " | {:>7} {:>9} {:>5} {:>5}", "CD mm", "CD-MAX mm", "NC", "IoU")?;
-        }
-        writeln!(formatter, " | {:>7} {:>7}", "steps", "s/step")?;
+        let columns = self.columns();
+        let [first, second] = columns.heads();
+        writeln!(formatter, "{}{first} | {:>15}", keys(vec![String::new(); widths.len()]), "")?;
+        let names = keys(K::COLUMNS.iter().map(|column| (*column).to_owned()).collect());
+        writeln!(formatter, "{names}{second} | {:>7} {:>7}", "steps", "s/step")?;
         for RunRow { key, metrics } in &self.rows {
-            write!(formatter, "{}", keys(key.cells()))?;
-            for part in metrics.parts() {
-                let [cd, maximum, nc, iou] = values(part);
-                write!(formatter, " | {cd:>7} {maximum:>9} {nc:>5} {iou:>5}")?;
-            }
-            writeln!(formatter, " | {:>7} {:>7}", metrics.steps, metrics.seconds())?;
+            let (cells, seconds) = (columns.cells(&metrics.mean), metrics.seconds());
+            writeln!(formatter, "{}{cells} | {:>7} {seconds:>7}", keys(key.cells()), metrics.steps)?;
         }
         Ok(())
     }
@@ -118,12 +98,14 @@ impl<K: RowKey> fmt::Display for RunTable<K> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::Parts;
+    use crate::body::Role;
+    use crate::evaluate::{PartMetrics, Parts};
     use crate::runs::{Ablation, Turn, Variant};
 
     fn table<K: RowKey>(keys: impl IntoIterator<Item = K>) -> RunTable<K> {
         let part = PartMetrics { cd_mm: 1.25, cd_max_mm: 40.5, nc: 0.975, iou: 0.98, iou_box: 0.9 };
-        let mean = Parts { all: Some(part), hands: Some(part), face: None };
+        let by_role = [(Role::Hands, Some(part)), (Role::Face, None)].into();
+        let mean = Parts { all: Some(part), by_role };
         let metrics = RunMetrics { steps: 6000, seconds_per_step: Some(0.25), frames: 10, mean };
         RunTable { rows: keys.into_iter().map(|key| RunRow { key, metrics: metrics.clone() }).collect() }
     }

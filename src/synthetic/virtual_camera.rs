@@ -150,7 +150,7 @@ impl Source for FilmedScans<'_> {
         Ok(Capture::Rgbd(Box::new(RgbdCapture::of(self.picture(index)?)?)))
     }
 
-    fn betas(&self) -> [f32; 10] {
+    fn betas(&self) -> &[f32] {
         self.scans.betas()
     }
 

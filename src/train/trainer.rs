@@ -70,11 +70,11 @@ impl<'a> Trainer<'a> {
         spec.check()?;
         let TrainingSpec { config, source, body, labels } = spec;
         let betas = source.betas();
-        let mut canonical = CanonicalBody::new(body, labels, &betas, config)?;
+        let mut canonical = CanonicalBody::new(body, labels, betas, config)?;
         canonical.stand_in(seen);
         let bounds = canonical.bounds();
-        let poser = Poser::for_training(config, body, labels, &betas, bounds)?;
-        let mut fields = Fields::new(&config.fields, poser.initial_skinning(body)?, bounds)?;
+        let poser = Poser::for_training(config, body, labels, betas, bounds)?;
+        let mut fields = Fields::new(&config.fields, canonical.condition(), poser.initial_skinning(body)?, bounds)?;
         fields.initialise(config.seed);
         let mut state = TrainingState { learned: Learned::new(fields), progress: Progress::default() };
         restore(&mut state)?;
@@ -110,11 +110,6 @@ impl<'a> Trainer<'a> {
     /// Whether all steps are done, or the time is up.
     pub fn is_done(&self) -> bool {
         self.stage() == Stage::Frames && self.share_done() >= 1.0
-    }
-
-    /// The canonical joints (J), metres.
-    pub fn joints(&self) -> &[Vec3] {
-        self.epochs.canonical.joints()
     }
 
     /// The canonical box: its lowest and highest corner, metres.

@@ -9,8 +9,9 @@ pub use rgbd::RgbdCapture;
 pub use scan::{ScanFrame, ScanFrames};
 
 use serde::{Deserialize, Serialize};
-use xavatar_body::{BodyParameters, Gender};
+use xavatar_body::{BodyModel, BodyParameters, Gender};
 use xavatar_formats::{Error, Result};
+use xavatar_mesh::Note;
 
 /// Where a frame stands in its subject, displayed as `train/Take1/f00001`.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -82,6 +83,28 @@ impl Capture {
         }
     }
 
+    /// What reading the frame's files lost.
+    pub fn notes(&self) -> &[Note] {
+        match self {
+            Self::Scan(frame) => &frame.notes,
+            Self::Rgbd(_) => &[],
+        }
+    }
+
+    /// The frame with the pose that its parameters mean on `body`.
+    ///
+    /// # Errors
+    /// [`Error::Frame`] naming the frame, if the parameters do not fit the body model.
+    pub fn resolved(mut self, body: &BodyModel) -> Result<Self> {
+        let resolved = body.resolve(self.parameters()).map_err(|error| error.in_frame(self.id().to_string()));
+        let parameters = BodyParameters::from(resolved?);
+        match &mut self {
+            Self::Scan(frame) => frame.parameters = parameters,
+            Self::Rgbd(capture) => capture.frame.parameters = parameters,
+        }
+        Ok(self)
+    }
+
     /// The scan.
     ///
     /// # Errors
@@ -113,7 +136,7 @@ pub trait Source: Sync {
     fn read(&self, index: usize) -> Result<Capture>;
 
     /// The subject's shape.
-    fn betas(&self) -> [f32; 10];
+    fn betas(&self) -> &[f32];
 
     /// The subject's gender.
     fn gender(&self) -> Gender;

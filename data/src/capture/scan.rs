@@ -4,17 +4,19 @@ use super::{Capture, CaptureKind, FrameId, Source};
 use crate::{FrameFiles, Subject, read_frame};
 use xavatar_body::{BodyParameters, Gender};
 use xavatar_formats::Result;
-use xavatar_mesh::TriangleMesh;
+use xavatar_mesh::{Note, TriangleMesh};
 
-/// A frame in memory: a coloured scan and the SMPL-X parameters registered to it.
+/// A frame in memory: a coloured scan and the body registered to it.
 #[derive(Clone, Debug)]
 pub struct ScanFrame {
     /// Which frame.
     pub id: FrameId,
     /// The scan in world coordinates (the registration's `transl` not subtracted), metres.
     pub scan: TriangleMesh,
-    /// Parameters; `betas` already replaced by the subject's mean shape.
+    /// Its parameters; the shape is the subject's mean shape.
     pub parameters: BodyParameters,
+    /// What the scan's file says that is not in `scan`.
+    pub notes: Vec<Note>,
 }
 
 /// Scans of a subject on disk, read when they are asked for.
@@ -22,7 +24,7 @@ pub struct ScanFrame {
 pub struct ScanFrames {
     files: Vec<FrameFiles>,
     ids: Vec<FrameId>,
-    betas: [f32; 10],
+    betas: Vec<f32>,
     gender: Gender,
 }
 
@@ -30,7 +32,7 @@ impl ScanFrames {
     /// Some of a subject's frames.
     pub fn new(subject: &Subject, files: &[FrameFiles]) -> Self {
         let ids = files.iter().map(|files| files.id.clone()).collect();
-        Self { files: files.to_vec(), ids, betas: subject.betas, gender: subject.gender }
+        Self { files: files.to_vec(), ids, betas: subject.betas.clone(), gender: subject.gender }
     }
 
     /// All scans, one in memory at a time.
@@ -52,8 +54,8 @@ impl Source for ScanFrames {
         Ok(Capture::Scan(Box::new(read_frame(&self.files[index], &self.betas)?)))
     }
 
-    fn betas(&self) -> [f32; 10] {
-        self.betas
+    fn betas(&self) -> &[f32] {
+        &self.betas
     }
 
     fn gender(&self) -> Gender {

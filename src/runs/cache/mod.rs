@@ -8,8 +8,10 @@ use std::path::{Path, PathBuf};
 
 use super::event::{Event, Observer};
 use crate::body::{BodyModel, Gender};
-use crate::data::{Capture, CaptureKind, FrameId, Source};
-use crate::formats::{self, Array, ArrayData, ArrayMap, read_npz, write_npz};
+use crate::data::{Capture, CaptureKind, FrameId, FrameNotes, Source};
+use crate::formats::{
+    self, Array, ArrayData, ArrayMap, Choice, Remedy, create_folder, read_npz, remove_partial, write_npz,
+};
 use crate::train::TrainingSpec;
 use crate::{Error, InputError, Result};
 
@@ -21,7 +23,7 @@ const SEEN_FILE: &str = "seen_vertices.npz";
 /// A run's captures.
 pub(super) struct Cache {
     kind: CaptureKind,
-    betas: [f32; 10],
+    betas: Vec<f32>,
     gender: Gender,
     files: Vec<PathBuf>,
     ids: Vec<FrameId>,
@@ -34,11 +36,12 @@ impl Cache {
     pub fn open(spec: TrainingSpec, run: &Path, observer: &mut dyn Observer) -> Result<Self> {
         let TrainingSpec { config, source, body, .. } = spec;
         let folder = run.join(FOLDER);
-        std::fs::create_dir_all(&folder).map_err(InputError::io(&folder))?;
+        create_folder(&folder)?;
+        remove_partial(&folder)?;
         let seen_file = folder.join(SEEN_FILE);
         let is_complete = seen_file.is_file();
         let mut seen = vec![false; body.vertex_count()];
-        let (mut files, mut ids) = (Vec::new(), Vec::new());
+        let (mut files, mut ids, mut notes) = (Vec::new(), Vec::new(), FrameNotes::default());
         let total = source.ids().len();
         for (index, id) in source.ids().iter().enumerate() {
             observer.event(Event::Preparing { done: index, total });
@@ -46,7 +49,10 @@ impl Cache {
             if !path.is_file() {
                 let read = source.read(index).map_err(Error::from);
                 match read.and_then(|capture| check(spec, capture, &mut seen)) {
-                    Ok(capture) => stored::write(&path, &capture)?,
+                    Ok(capture) => {
+                        notes.add(id, capture.notes());
+                        stored::write(&path, &capture)?;
+                    }
                     Err(error) if config.skip_bad_frames => {
                         observer.event(Event::Warning { message: format!("left out: {error}") });
                         continue;
@@ -60,11 +66,12 @@ impl Cache {
             ids.push(id.clone());
         }
         observer.event(Event::Preparing { done: total, total });
+        notes.lines().for_each(|message| observer.event(Event::Warning { message }));
         if ids.is_empty() {
             return Err(Error::from(InputError::Missing {
                 path: run.into(),
                 what: "a usable training frame".into(),
-                remedy: "run `xavatar check` on the data".into(),
+                remedy: Remedy::choosing(Choice::CheckData, "check the data"),
             }));
         }
         if is_complete {
@@ -72,7 +79,7 @@ impl Cache {
         } else {
             write_seen(&seen_file, &seen)?;
         }
-        Ok(Self { kind: source.kind(), betas: source.betas(), gender: source.gender(), files, ids, seen })
+        Ok(Self { kind: source.kind(), betas: source.betas().to_vec(), gender: source.gender(), files, ids, seen })
     }
 
     /// Which of the body's vertices (V) were captured.
@@ -94,8 +101,8 @@ impl Source for Cache {
         stored::read(&self.files[index], &self.ids[index])
     }
 
-    fn betas(&self) -> [f32; 10] {
-        self.betas
+    fn betas(&self) -> &[f32] {
+        &self.betas
     }
 
     fn gender(&self) -> Gender {
@@ -103,8 +110,9 @@ impl Source for Cache {
     }
 }
 
-/// Adds the vertices (V) that a capture shows to `seen`. One that can be prepared can be trained on.
+/// Adds the vertices (V) that a capture shows to `seen`. One that can be prepared can be trained on; its pose is resolved.
 fn check(spec: TrainingSpec, capture: Capture, seen: &mut [bool]) -> Result<Capture> {
+    let capture = capture.resolved(spec.body)?;
     spec.prepare(capture.clone())?.supervision.add_seen_vertices(seen);
     Ok(capture)
 }

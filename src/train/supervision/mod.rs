@@ -6,6 +6,7 @@
 mod canonical_body;
 mod curve;
 mod distance_grid;
+mod part_shares;
 mod rgbd;
 mod scan;
 
@@ -22,7 +23,7 @@ use rgbd::CameraView;
 use scan::ScanSupervision;
 
 use super::drawn::PosedSamples;
-use crate::body::{BodyModel, Part, PartLabels, Registration};
+use crate::body::{BodyModel, Part, PartLabels, Registration, Skeleton};
 use crate::config::Config;
 use crate::data::{Capture, CaptureKind, FrameId};
 use crate::fields::FieldPose;
@@ -57,6 +58,7 @@ pub struct PreparedFrame<'a> {
 /// The registered body of a frame, in its own frame.
 struct RegisteredBody<'a> {
     mesh: TriangleMesh,
+    skeleton: &'a Skeleton,
     labels: &'a PartLabels,
     registration: Registration<'a>,
 }
@@ -66,17 +68,17 @@ impl<'a> PreparedFrame<'a> {
     ///
     /// # Errors
     /// What makes the capture useless, with the frame named.
-    pub fn new(capture: Capture, body: &BodyModel, labels: &'a PartLabels, config: &Config) -> Result<Self> {
+    pub fn new(capture: Capture, body: &'a BodyModel, labels: &'a PartLabels, config: &Config) -> Result<Self> {
         let id = capture.id().clone();
         let prepare = || {
-            let parameters = capture.parameters();
+            let pose = body.resolve(capture.parameters())?;
             let posed: Vec<Vec3> =
-                body.pose(parameters)?.vertices.into_iter().map(|vertex| vertex - parameters.transl).collect();
+                body.pose(&pose)?.vertices.into_iter().map(|vertex| vertex - pose.translation).collect();
             let registration = Registration::new(&posed, labels)?;
             let mut mesh = body.mesh(posed);
             mesh.normals = Some(mesh.vertex_normals());
-            let pose = Arc::new(FieldPose::new(body, parameters)?);
-            let registered = RegisteredBody { mesh, labels, registration };
+            let pose = Arc::new(FieldPose::new(body, &pose)?);
+            let registered = RegisteredBody { mesh, skeleton: body.skeleton(), labels, registration };
             Ok(Self { id: id.clone(), pose, supervision: supervise(capture, registered, config)? })
         };
         prepare().map_err(|error: Error| error.in_frame(id.to_string()))
@@ -86,7 +88,7 @@ impl<'a> PreparedFrame<'a> {
 /// What a capture of any kind gives to the losses.
 fn supervise<'a>(capture: Capture, body: RegisteredBody<'a>, config: &Config) -> Result<Box<dyn Supervision + 'a>> {
     Ok(match capture {
-        Capture::Scan(frame) => Box::new(ScanSupervision::new(*frame, body, &config.sampling)?),
+        Capture::Scan(frame) => Box::new(ScanSupervision::new(*frame, body, config)?),
         Capture::Rgbd(capture) => Box::new(CameraView::new(*capture, body, config)?),
     })
 }

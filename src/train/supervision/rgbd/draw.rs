@@ -12,7 +12,6 @@ use rayon::prelude::*;
 use super::CameraView;
 use super::observed::Source;
 use crate::config::{Config, SamplingStrategy};
-use crate::fields::part_label;
 use crate::train::drawn::PosedSamples;
 
 struct OnSurface {
@@ -51,7 +50,7 @@ pub(super) fn draw(view: &CameraView, config: &Config, random: &mut ChaCha8Rng) 
             let deviation = if wide { sampling.wide_deviation } else { sampling.deviation };
             let noise = Vec3::from_array(std::array::from_fn(|_| random.sample(StandardNormal)));
             let off = position + deviation * noise;
-            drawn.push(OnSurface { position, normal, colour, label: part_label(part), is_registered, off });
+            drawn.push(OnSurface { position, normal, colour, label: part.0, is_registered, off });
         }
     }
     let mut samples = PosedSamples::default();

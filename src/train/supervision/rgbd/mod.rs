@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use self::observed::{ObservedPoints, Region, regions};
 use super::{BYTES_A_FACE, RegisteredBody, Supervision, Surface};
-use crate::body::{Part, Registration};
+use crate::body::{Part, Registration, Role};
 use crate::config::{Config, RgbdSettings};
 use crate::data::{RgbdCapture, RgbdFrame};
 use crate::mesh::camera::PinholeCamera;
@@ -46,6 +46,8 @@ pub(super) struct CameraView<'a> {
     frame: RgbdFrame,
     settings: RgbdSettings,
     truncation: f32,
+    /// Which of the skeleton's parts are thin.
+    is_thin: Vec<bool>,
     /// The body's vertices (V) whose surface, or what covers it, the camera sees.
     seen: Vec<bool>,
 }
@@ -68,7 +70,7 @@ impl Supervision for CameraView<'_> {
 impl<'a> CameraView<'a> {
     pub fn new(capture: RgbdCapture, body: RegisteredBody<'a>, config: &Config) -> Result<Self> {
         let RgbdCapture { frame, cloud } = capture;
-        let RegisteredBody { mesh, labels, registration } = body;
+        let RegisteredBody { mesh, skeleton, labels, registration } = body;
         let Some(settings) = config.rgbd.clone() else {
             return Err(Error::from(InputError::Value {
                 name: "preset".into(),
@@ -76,7 +78,7 @@ impl<'a> CameraView<'a> {
                 expected: "one for RGB-D frames".into(),
             }));
         };
-        let transl = frame.parameters.transl;
+        let transl = frame.parameters.translation();
         let points: Vec<Vec3> = cloud.points.iter().map(|point| *point - transl).collect();
         let nearest: Vec<usize> = points.par_iter().map(|point| registration.nearest_vertex(*point)).collect();
         let colours = cloud.colours.iter().map(|colour| Vec3::from(colour.map(f32::from)) / 255.0).collect();
@@ -85,8 +87,9 @@ impl<'a> CameraView<'a> {
         let camera = frame.camera;
         let camera = PinholeCamera { translation: camera.translation + camera.rotation * transl, ..camera };
         let mut view = Self {
-            regions: regions(&observed, &nearest, &mesh, labels, &config.sampling, &settings)?,
+            regions: regions(&observed, &nearest, &mesh, skeleton, labels, &config.sampling, &settings)?,
             seen: vec![false; mesh.vertices.len()],
+            is_thin: skeleton.parts.iter().map(|part| part.role == Role::Hands).collect(),
             body: Surface::new(mesh)?,
             truncation: config.losses.truncation as f32,
             observed,
@@ -114,7 +117,7 @@ impl<'a> CameraView<'a> {
         if (offset.length_squared() - height * height).max(0.0).sqrt() >= ASIDE {
             return None;
         }
-        let is_thin = matches!(self.observed.parts[nearest], Part::LeftHand | Part::RightHand);
+        let is_thin = self.is_thin[self.observed.parts[nearest].index()];
         let depth = if is_thin { self.settings.hand_depth } else { self.truncation };
         let is_near = (-depth.min(CONTACT)..CONTACT).contains(&height);
         let is_believed = is_near || if self.is_air(point) { height > 0.0 } else { (-depth..0.0).contains(&height) };
@@ -166,7 +169,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::body::{BodyParameters, PartLabelSource, PartLabels};
+    use crate::body::{PartLabelSource, PartLabels, smplx};
     use crate::data::{BACKGROUND, FrameId};
     use crate::mesh::camera::pixel_centre;
     use crate::mesh::{ExtractionGrid, Sign, extract};
@@ -189,11 +192,12 @@ mod tests {
             colour: RgbImage::from_pixel(500, 500, image::Rgb([10, 20, 30])),
             depth: depth.collect(),
             mask: None,
-            parameters: BodyParameters { transl: TRANSL, ..BodyParameters::default() },
+            parameters: smplx::Parameters { transl: TRANSL, ..Default::default() }.into(),
         };
         let registration = Registration::new(&mesh.vertices, labels).unwrap();
-        let body = RegisteredBody { mesh, labels, registration };
-        CameraView::new(RgbdCapture::of(frame).unwrap(), body, &Config::preset("fast-rgbd").unwrap()).unwrap()
+        let body = RegisteredBody { mesh, skeleton: smplx::skeleton(), labels, registration };
+        let config = Config::preset("fast-rgbd").unwrap();
+        CameraView::new(RgbdCapture::of(frame).unwrap(), body, &config).unwrap()
     }
 
     fn sphere() -> crate::mesh::TriangleMesh {
@@ -209,7 +213,7 @@ mod tests {
 
     fn labels(count: usize) -> PartLabels {
         let source = PartLabelSource::SkinningWeights;
-        PartLabels { parts: vec![Part::Body; count], eyes_mouth: vec![false; count], source }
+        PartLabels { parts: vec![Part(0); count], detail: vec![false; count], source }
     }
 
     // Every distance is the sphere's, and distances are known to both sides all over the visible half.
@@ -259,6 +263,6 @@ mod tests {
         let mesh = sphere();
         let labels = labels(mesh.vertices.len());
         let view = view(&labels, mesh);
-        assert_eq!(view.regions.iter().map(|region| region.part).collect::<Vec<_>>(), [Part::Body]);
+        assert_eq!(view.regions.iter().map(|region| region.part).collect::<Vec<_>>(), [Part(0)]);
     }
 }

@@ -3,10 +3,11 @@
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use crate::body::{Part, PartLabels};
+use crate::body::{Part, PartLabels, Role, Skeleton};
 use crate::config::{HandSupervision, RgbdSettings, SamplingSettings, SamplingStrategy};
 use crate::mesh::{SurfaceSampler, TriangleMesh};
 use crate::train::supervision::faces_of_part;
+use crate::train::supervision::part_shares::{PartShare, part_shares, whole_share};
 use crate::{Error, InputError, Result};
 
 /// Points that a part needs to count as seen.
@@ -68,6 +69,7 @@ pub(super) fn regions(
     observed: &ObservedPoints,
     nearest: &[usize],
     body: &TriangleMesh,
+    skeleton: &Skeleton,
     labels: &PartLabels,
     sampling: &SamplingSettings,
     settings: &RgbdSettings,
@@ -75,30 +77,21 @@ pub(super) fn regions(
     let places = |wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
         (0..nearest.len()).filter(|place| wanted(*place)).map(|place| place as u32).collect()
     };
-    let SamplingSettings { body_share, face_share, hand_share, .. } = *sampling;
     if sampling.strategy == SamplingStrategy::Uniform {
-        let share = body_share + face_share + 2.0 * hand_share;
-        return Ok(vec![Region { part: Part::Body, share, source: Source::Observed(places(&|_| true)) }]);
+        let (part, share) = (Part::default(), whole_share(sampling));
+        return Ok(vec![Region { part, share, source: Source::Observed(places(&|_| true)) }]);
     }
-    let of_part = |part: Part| places(&|place| observed.parts[place] == part);
-    let eyes_mouth = places(&|place| labels.eyes_mouth[nearest[place]]);
-    let mut regions = vec![
-        Region { part: Part::Body, share: body_share, source: Source::Observed(of_part(Part::Body)) },
-        Region {
-            part: Part::Face,
-            share: face_share - settings.eyes_mouth_share,
-            source: Source::Observed(of_part(Part::Face)),
-        },
-        Region { part: Part::Face, share: settings.eyes_mouth_share, source: Source::Observed(eyes_mouth) },
-    ];
-    for part in [Part::LeftHand, Part::RightHand] {
-        let source = Source::Observed(of_part(part));
-        regions.push(Region { part, share: hand_share, source });
-    }
+    let region = |of: PartShare| {
+        let is_shown =
+            |place: usize| observed.parts[place] == of.part && (!of.is_detail || labels.detail[nearest[place]]);
+        Region { part: of.part, share: of.share, source: Source::Observed(places(&is_shown)) }
+    };
+    let shares = part_shares(skeleton, sampling, |_| settings.eyes_mouth_share);
+    let mut regions: Vec<Region> = shares.into_iter().map(region).collect();
     regions.retain(|region| matches!(&region.source, Source::Observed(places) if places.len() >= FEWEST_POINTS));
     if sampling.hand_supervision == HandSupervision::Registration {
         for region in &mut regions {
-            if matches!(region.part, Part::LeftHand | Part::RightHand) {
+            if skeleton.role(region.part) == Role::Hands {
                 let sampler = SurfaceSampler::new(body, Some(&faces_of_part(body, labels, region.part)))?;
                 region.source = Source::Registered(sampler, Box::new(observed.of_part(region.part)?));
             }

@@ -2,14 +2,19 @@
 //!
 //! A file of arrays, in npz, JSON or TOML, by the same names as X-Humans' `cameras.npz`:
 //! `intrinsic` (3, 3) or (n, 3, 3), K = [fx 0 cx; 0 fy cy; 0 0 1] in pixels, and `extrinsic` (4, 4), (3, 4), (n, 4, 4) or
-//! (n, 3, 4), [R t] world to camera in OpenCV's axes, metres. One matrix stands for all frames, n for one a frame.
+//! (n, 3, 4), [R t] world to camera in OpenCV's axes, metres. One matrix stands for all frames, n for one a frame. Or JSON of
+//! Open3D, or poses as text, which are camera to world.
+
+mod arrays;
+mod open3d;
+mod trajectory;
 
 use std::path::{Path, PathBuf};
 
-use glam::{Mat3, Mat4, Vec3, Vec4};
+use glam::{Mat3, Mat4, Vec3};
 use serde::{Deserialize, Serialize};
 
-use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result, read_npz, read_text};
+use xavatar_formats::{Error, Result, read_bytes};
 use xavatar_mesh::camera::PinholeCamera;
 
 const FORMAT: &str = "camera file";
@@ -35,6 +40,29 @@ pub(super) struct Intrinsics {
 }
 
 impl Intrinsics {
+    /// Reads a file with one camera's calibration: rows of K as text, or a camera file.
+    ///
+    /// # Errors
+    /// [`Error::Missing`], [`Error::Malformed`] or [`Error::Refused`], naming the file.
+    pub fn read(path: &Path, origin: PixelOrigin) -> Result<Self> {
+        if !path.exists() {
+            return Err(Error::Missing {
+                path: path.into(),
+                what: "the calibration".into(),
+                remedy: "correct `intrinsics`, which names it".into(),
+            });
+        }
+        let matrix = match is_text(path) {
+            true => text_matrix(path)?,
+            false => *Matrices::read(path)?
+                .intrinsics
+                .and_then(|matrices| matrices.first().copied())
+                .as_ref()
+                .ok_or_else(|| malformed(path, "intrinsic", "missing", "a 3 x 3 matrix in pixels"))?,
+        };
+        pinhole(path, &matrix, origin)
+    }
+
     /// Focal lengths and principal point of a calibration, pixels.
     pub fn new([fx, fy, cx, cy]: [f32; 4], origin: PixelOrigin) -> Self {
         let shift = match origin {
@@ -63,19 +91,20 @@ impl CameraTable {
             return Err(Error::Missing {
                 path: path.into(),
                 what: "the cameras of the sequence".into(),
-                remedy: "give `extrinsic` (world to camera) of each frame in an npz, JSON or TOML file".into(),
+                remedy:
+                    "give `extrinsic` (world to camera) of each frame in an npz, JSON or TOML file, or poses as text"
+                        .into(),
             });
         }
-        let arrays = read_arrays(path)?;
-        let file = |key: &str| matrices(path, key, &arrays);
-        let intrinsics = match (file("intrinsic")?, intrinsics) {
+        let found = Matrices::read(path)?;
+        let intrinsics = match (found.intrinsics, intrinsics) {
             (Some(matrices), _) => {
                 matrices.iter().map(|matrix| pinhole(path, matrix, origin)).collect::<Result<_>>()?
             }
             (None, Some(known)) => vec![known],
             (None, None) => return Err(malformed(path, "intrinsic", "missing", "a 3 x 3 matrix in pixels")),
         };
-        let Some(extrinsics) = file("extrinsic")? else {
+        let Some(extrinsics) = found.extrinsics else {
             return Err(malformed(path, "extrinsic", "missing", "a 4 x 4 matrix a frame, world to camera"));
         };
         Ok(Self { path: path.into(), intrinsics, extrinsics })
@@ -93,6 +122,10 @@ impl CameraTable {
     pub fn camera(&self, row: usize, [width, height]: [u32; 2]) -> Result<PinholeCamera> {
         let Intrinsics { fx, fy, cx, cy } = *self.row("intrinsic", &self.intrinsics, row)?;
         let extrinsic = *self.row("extrinsic", &self.extrinsics, row)?;
+        if !extrinsic.is_finite() {
+            let expected = "finite numbers: where its pose was lost, leave the frame out";
+            return Err(malformed(&self.path, format!("pose {row}"), "not finite", expected));
+        }
         let camera = PinholeCamera { width, height, fx, fy, cx, cy, rotation: Mat3::IDENTITY, translation: Vec3::ZERO };
         camera.posed(extrinsic).map_err(|error| match error {
             Error::Value { name, found, expected } => malformed(&self.path, format!("{name} {row}"), found, expected),
@@ -109,66 +142,55 @@ impl CameraTable {
     }
 }
 
-/// The arrays of an npz, or of the nested lists of numbers in a JSON or TOML table.
-fn read_arrays(path: &Path) -> Result<ArrayMap> {
-    let wrong = |error: &dyn std::fmt::Display| malformed(path, "the text", error, "a table of matrices");
-    let table: serde_json::Map<String, serde_json::Value> =
-        match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
-            Some("json") => serde_json::from_str(&read_text(path)?).map_err(|error| wrong(&error))?,
-            Some("toml") => toml::from_str(&read_text(path)?).map_err(|error| wrong(&error.message()))?,
-            _ => return read_npz(path),
-        };
-    let numbers = |(key, value): (String, serde_json::Value)| {
-        let mut array = Vec::new();
-        let shape = flatten(&value, &mut array)
-            .ok_or_else(|| malformed(path, &key, "ragged or not of numbers", "rows of equally many numbers"))?;
-        Ok((key, Array { shape, data: ArrayData::F64(array) }))
-    };
-    table.into_iter().map(numbers).collect()
+/// The matrices in a file, as 4 x 4.
+struct Matrices {
+    /// K, in the upper left.
+    intrinsics: Option<Vec<Mat4>>,
+    /// World to camera; not finite where the camera's pose was lost.
+    extrinsics: Option<Vec<Mat4>>,
 }
 
-/// Appends the numbers of nested lists and returns their extents; `None` if lists differ in length or hold something else.
-fn flatten(value: &serde_json::Value, numbers: &mut Vec<f64>) -> Option<Vec<usize>> {
-    let Some(items) = value.as_array() else {
-        numbers.push(value.as_f64()?);
-        return Some(Vec::new());
-    };
-    let mut inner: Option<Vec<usize>> = None;
-    for item in items {
-        let shape = flatten(item, numbers)?;
-        if inner.get_or_insert_with(|| shape.clone()) != &shape {
-            return None;
+impl Matrices {
+    fn read(path: &Path) -> Result<Self> {
+        if !is_text(path) {
+            return arrays::read(path);
         }
+        let poses = trajectory::read(path)?;
+        let extrinsics = poses.iter().map(|pose| pose.camera_to_world.inverse().as_mat4()).collect();
+        Ok(Self { intrinsics: None, extrinsics: Some(extrinsics) })
     }
-    let mut shape = inner.unwrap_or_default();
-    shape.insert(0, items.len());
-    Some(shape)
 }
 
-/// The matrices under a key, each filled up to 4 x 4 with the identity; `None` if there is no such key.
-fn matrices(path: &Path, key: &str, arrays: &ArrayMap) -> Result<Option<Vec<Mat4>>> {
-    let Some(array) = arrays.get(key) else { return Ok(None) };
-    let (rows, columns) = match array.shape[..] {
-        [rows @ (3 | 4), columns @ (3 | 4)] | [_, rows @ (3 | 4), columns @ (3 | 4)] => (rows, columns),
-        _ => return Err(malformed(path, key, array.description(), "one matrix, or one a frame")),
-    };
-    let values = array.to_f32().filter(|values| values.iter().all(|value| value.is_finite()));
-    let values = values.ok_or_else(|| malformed(path, key, "not all finite", "finite numbers"))?;
-    let matrix = |entries: &[f32]| {
-        let row = |row: usize| {
-            let entry = |column: usize| {
-                let identity = f32::from(u8::from(row == column));
-                if row < rows && column < columns { entries[row * columns + column] } else { identity }
-            };
-            Vec4::from_array(std::array::from_fn(entry))
-        };
-        Mat4::from_cols(row(0), row(1), row(2), row(3)).transpose()
-    };
-    let matrices: Vec<Mat4> = values.chunks_exact(rows * columns).map(matrix).collect();
-    if matrices.is_empty() {
-        return Err(malformed(path, key, array.description(), "at least one matrix"));
+/// Whether a file holds poses as text, by its extension.
+fn is_text(path: &Path) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
+    extension.is_some_and(|extension| POSE_EXTENSIONS.contains(&extension.as_str()))
+}
+
+/// Extensions of files of poses as text, in lower case.
+pub(super) const POSE_EXTENSIONS: [&str; 2] = ["txt", "log"];
+
+/// The row of a file of poses that is nearest to each of these times, seconds, and no farther than `tolerance`; `None` if its poses
+/// have no times.
+///
+/// # Errors
+/// Those of reading a file of poses.
+pub(super) fn rows_at(path: &Path, times: &[f64], tolerance: f64) -> Result<Option<Vec<Option<usize>>>> {
+    if !is_text(path) || !path.is_file() {
+        return Ok(None);
     }
-    Ok(Some(matrices))
+    let poses = trajectory::read(path)?;
+    let Some(mut known) = poses.iter().map(|pose| pose.time).collect::<Option<Vec<f64>>>() else { return Ok(None) };
+    let mut rows: Vec<usize> = (0..known.len()).collect();
+    rows.sort_by(|one, other| known[*one].total_cmp(&known[*other]));
+    known.sort_by(f64::total_cmp);
+    let nearest = |time: &f64| {
+        let after = known.partition_point(|other| other < time);
+        let around = after.saturating_sub(1)..(after + 1).min(known.len());
+        let place = around.min_by(|one, other| (known[*one] - time).abs().total_cmp(&(known[*other] - time).abs()))?;
+        ((known[place] - time).abs() <= tolerance).then_some(rows[place])
+    };
+    Ok(Some(times.iter().map(nearest).collect()))
 }
 
 /// The intrinsics in K, which may neither be skewed nor scaled.
@@ -178,6 +200,20 @@ fn pinhole(path: &Path, matrix: &Mat4, origin: PixelOrigin) -> Result<Intrinsics
         return Err(malformed(path, "intrinsic", matrix, "[fx 0 cx; 0 fy cy; 0 0 1]: no skew, undistorted pictures"));
     }
     Ok(Intrinsics::new([first.x, second.y, first.z, second.z], origin))
+}
+
+/// The matrix of a text file of 9, 12 or 16 numbers, row by row.
+fn text_matrix(path: &Path) -> Result<Mat4> {
+    let bytes = read_bytes(path)?;
+    let text = String::from_utf8_lossy(&bytes);
+    let words = text.split(|c: char| c.is_ascii_whitespace() || c == ',').filter(|word| !word.is_empty());
+    let numbers: Option<Vec<f32>> =
+        words.map(|word| word.parse().ok().filter(|value: &f32| value.is_finite())).collect();
+    match numbers {
+        Some(numbers) if numbers.len() == 9 => Ok(arrays::filled(&numbers, 3)),
+        Some(numbers) if matches!(numbers.len(), 12 | 16) => Ok(arrays::filled(&numbers, 4)),
+        _ => Err(malformed(path, "the text", "no matrix of finite numbers", "3 x 3, 3 x 4 or 4 x 4")),
+    }
 }
 
 fn malformed(path: &Path, place: impl Into<String>, found: impl ToString, expected: impl Into<String>) -> Error {
@@ -195,7 +231,7 @@ mod tests {
     use glam::Vec2;
 
     use super::*;
-    use xavatar_formats::write_npz;
+    use xavatar_formats::{Array, ArrayData, write_npz};
 
     const K: [f64; 9] = [600.0, 0.0, 320.0, 0.0, 610.0, 240.0, 0.0, 0.0, 1.0];
     /// A camera 3 m before the origin that looks along -Z, in a world with Y up.
@@ -225,6 +261,21 @@ mod tests {
         let camera = npz.camera(0, [640, 480]).unwrap();
         assert_eq!(read("c.json", &json).unwrap().camera(7, [640, 480]).unwrap(), camera, "one matrix for all frames");
         assert_eq!(read("c.toml", &toml).unwrap().camera(0, [640, 480]).unwrap(), camera);
+        // Open3D: column after column; by the same names but in rows, as they look.
+        let columns = "[600, 0, 0, 0, 610, 0, 320, 240, 1]";
+        for (matrix, extrinsic) in [
+            (columns, "[1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 1, 3, 1]"),
+            ("[[600, 0, 320], [0, 610, 240], [0, 0, 1]]", rows),
+        ] {
+            let both = format!(r#"{{"width": 640, "intrinsic_matrix": {matrix}, "extrinsic": {extrinsic}}}"#);
+            let nested = format!(
+                r#"{{"class_name": "x", "intrinsic": {{"intrinsic_matrix": {matrix}}}, "extrinsic": {extrinsic}}}"#
+            );
+            let list = format!(r#"{{"parameters": [{nested}, {nested}]}}"#);
+            for text in [both, nested, list] {
+                assert_eq!(read("c.json", &text).unwrap().camera(0, [640, 480]).unwrap(), camera, "{text}");
+            }
+        }
         assert_eq!(camera.position(), Vec3::new(0.0, 1.0, 3.0));
         assert_eq!(camera.project(Vec3::Y), (Vec2::new(320.0, 240.0), 3.0));
     }
