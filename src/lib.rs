@@ -56,6 +56,8 @@
 //!
 //! Points and joints are in metres, rotations in radians, Y is up and the subject faces +Z.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 pub mod avatar;
 pub mod config;
 mod error;

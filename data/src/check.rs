@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{FrameFiles, FrameId, FrameNotes, ScanFrame, Subject, read_frame};
-use xavatar_body::{BodyModel, BodyParameters, HandPose, Part, PartLabels};
+use xavatar_body::{BodyModel, BodyParameters, HandPose, Part, PartLabels, Role, Skeleton, smplx};
 use xavatar_formats::Result;
 use xavatar_mesh::{Note, SurfaceIndex, Topology};
 
@@ -45,12 +45,12 @@ pub struct CheckReport {
     /// Frames that could be read and were measured.
     pub measured_frames: usize,
     /// Distance from scan points to the registered body by part.
-    pub distances: BTreeMap<&'static str, DistanceReport>,
+    pub distances: BTreeMap<String, DistanceReport>,
     /// Measured scans whose every edge, seams merged, has two faces.
     pub watertight_scans: usize,
     /// Most open edges of a measured scan.
     pub most_open_edges: usize,
-    /// How the hands fit in either convention; absent if no frame was measured.
+    /// How the hands fit in either convention; absent if no frame was measured, or none has hands with conventions.
     pub hands: Option<HandReport>,
     /// Median height of the measured scans by that of their bodies: 1 if both are in metres.
     pub scan_to_body_height: Option<f32>,
@@ -114,7 +114,7 @@ pub fn check(
     labels: &PartLabels,
     progress: &(dyn Fn() + Sync),
 ) -> Result<CheckReport> {
-    let standing = body.pose(&BodyParameters { betas: subject.betas, ..BodyParameters::default() })?;
+    let standing = body.pose(&body.skeleton().rest_pose().in_shape(&subject.betas))?;
     let files: Vec<&FrameFiles> = subject.train.iter().chain(&subject.test).collect();
     let stride = files.len().div_ceil(MEASURED).max(1);
     let frames: Vec<Result<(Vec<Note>, Option<Measurement>)>> = files
@@ -147,7 +147,7 @@ pub fn check(
         part_labels: labels.source.to_string(),
         sequences,
         measured_frames: measured.len(),
-        distances: distances_by_part(measured.iter().flat_map(|frame| frame.to_body.iter().copied())),
+        distances: distances_by_part(body.skeleton(), measured.iter().flat_map(|frame| frame.to_body.iter().copied())),
         watertight_scans: measured.iter().filter(|frame| frame.topology.is_watertight()).count(),
         most_open_edges: measured.iter().map(|frame| frame.topology.open_edges).max().unwrap_or(0),
         hands: hands(&measured),
@@ -173,7 +173,7 @@ struct Measurement {
 }
 
 fn measure(frame: &ScanFrame, body: &BodyModel, labels: &PartLabels) -> Result<Measurement> {
-    let posed = body.mesh(body.pose(&frame.parameters)?.vertices);
+    let posed = body.mesh(body.pose(&body.resolve(&frame.parameters)?)?.vertices);
     let body_surface = SurfaceIndex::new(&posed)?;
     let to_body = strided(&frame.scan.vertices, POINTS).map(|&point| {
         let closest = body_surface.closest(point);
@@ -184,31 +184,35 @@ fn measure(frame: &ScanFrame, body: &BodyModel, labels: &PartLabels) -> Result<M
     let to_body = to_body.collect();
 
     let scan_surface = SurfaceIndex::new(&frame.scan)?;
-    let hand_vertices = [labels.vertices_of(Part::LeftHand), labels.vertices_of(Part::RightHand)].concat();
+    let hand_vertices: Vec<usize> =
+        body.skeleton().parts_of(Role::Hands).flat_map(|part| labels.vertices_of(part)).collect();
     let hand_distances = |vertices: &[Vec3]| {
         let distance = |&vertex: &usize| scan_surface.closest(vertices[vertex]).distance * MILLIMETRES;
         strided(&hand_vertices, POINTS / 4).map(distance).collect::<Vec<_>>()
     };
-    let other = body.pose(&with_flat_hands(&frame.parameters))?;
+    let other =
+        with_flat_hands(&frame.parameters).map(|parameters| body.pose(&body.resolve(&parameters)?)).transpose()?;
+    let hands_to_scan = match other {
+        Some(other) => [hand_distances(&posed.vertices), hand_distances(&other.vertices)],
+        None => [Vec::new(), Vec::new()],
+    };
     Ok(Measurement {
         to_body,
-        hands_to_scan: [hand_distances(&posed.vertices), hand_distances(&other.vertices)],
+        hands_to_scan,
         topology: Topology::of(&frame.scan.merged_by_position()),
         scan_to_body_height: height(&frame.scan.vertices) / height(&posed.vertices),
     })
 }
 
-/// The same numbers, taken as absolute rotations.
-fn with_flat_hands(parameters: &BodyParameters) -> BodyParameters {
+/// The same numbers, taken as absolute rotations; none where they are already.
+fn with_flat_hands(parameters: &BodyParameters) -> Option<BodyParameters> {
+    let parameters = parameters.smplx().ok()?;
     let flat = |hand: &HandPose| match hand {
         HandPose::RelativeToMean(rotations) => HandPose::Flat(*rotations),
         other => other.clone(),
     };
-    BodyParameters {
-        left_hand_pose: flat(&parameters.left_hand_pose),
-        right_hand_pose: flat(&parameters.right_hand_pose),
-        ..parameters.clone()
-    }
+    let (left_hand_pose, right_hand_pose) = (flat(&parameters.left_hand_pose), flat(&parameters.right_hand_pose));
+    Some(smplx::Parameters { left_hand_pose, right_hand_pose, ..parameters.clone() }.into())
 }
 
 /// About `count` items at even strides.
@@ -244,18 +248,17 @@ pub(super) fn count_sequences<'a>(
 
 /// Distances (millimetres) of points by their part, and of all.
 pub(super) fn distances_by_part(
+    skeleton: &Skeleton,
     points: impl Iterator<Item = (Part, f32)> + Clone,
-) -> BTreeMap<&'static str, DistanceReport> {
-    let names =
-        [("body", Part::Body), ("face", Part::Face), ("left hand", Part::LeftHand), ("right hand", Part::RightHand)];
+) -> BTreeMap<String, DistanceReport> {
     let report = |part: Option<Part>| {
         let of_part = points.clone().filter(|(found, _)| part.is_none_or(|part| *found == part));
         let values: Vec<f32> = of_part.map(|(_, distance)| distance).collect();
         let percentile_95_mm = percentile(values.clone(), 0.95)?;
         Some(DistanceReport { median_mm: percentile(values, 0.5)?, percentile_95_mm })
     };
-    let parts = names.into_iter().filter_map(|(name, part)| Some((name, report(Some(part))?)));
-    parts.chain(report(None).map(|all| ("all", all))).collect()
+    let parts = skeleton.parts().filter_map(|(part, group)| Some((group.title(), report(Some(part))?)));
+    parts.chain(report(None).map(|all| ("all".to_owned(), all))).collect()
 }
 
 fn hands(measured: &[Measurement]) -> Option<HandReport> {

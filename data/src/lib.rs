@@ -2,6 +2,8 @@
 //!
 //! Files -> arrays -> frames. Nothing here knows about training.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 mod check;
 mod fields;
 mod motion;
@@ -68,20 +70,20 @@ pub trait FrameSource: Sync {
     fn read(&self, index: usize) -> xavatar_formats::Result<ScanFrame>;
 
     /// The subject's shape.
-    fn betas(&self) -> [f32; 10];
+    fn betas(&self) -> &[f32];
 
     /// The subject's gender.
     fn gender(&self) -> xavatar_body::Gender;
 }
 
-/// A frame in memory: a coloured scan and the SMPL-X parameters registered to it.
+/// A frame in memory: a coloured scan and the body registered to it.
 #[derive(Clone, Debug)]
 pub struct ScanFrame {
     /// Which frame.
     pub id: FrameId,
     /// The scan in world coordinates (the registration's `transl` not subtracted), metres.
     pub scan: TriangleMesh,
-    /// Parameters; `betas` already replaced by the subject's mean shape.
+    /// Its parameters; the shape is the subject's mean shape.
     pub parameters: BodyParameters,
     /// What the scan's file says that is not in `scan`.
     pub notes: Vec<Note>,

@@ -14,6 +14,8 @@
 //! Readers of bytes return a [`Fault`], which names place, finding and expectation; readers of paths an [`Error`], which names the
 //! file as well. Every crate below training shares this [`Error`]: what a user gave, and what is wrong with it.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 mod array;
 mod atomic_file;
 mod budget;
@@ -24,6 +26,7 @@ mod input_file;
 mod jpeg;
 mod npy;
 mod npz;
+mod output_folder;
 mod pickle;
 mod picture_file;
 mod remedy;
@@ -39,6 +42,7 @@ pub use fault::{Fault, excerpt};
 pub use input_file::{open_file, read_bytes, read_text};
 pub use npy::{npy_bytes, parse_npy, read_npy};
 pub use npz::{parse_npz, read_npz, write_npz};
+pub use output_folder::{FolderLock, create_folder, is_vacant, remove_partial};
 pub use pickle::{Value, parse_pickle, parse_pickle_arrays, read_pickle, read_pickle_arrays, write_pickle};
 pub use picture_file::{PICTURE_FORMATS, decode_picture, guarded, read_picture, write_picture};
 pub use remedy::{Choice, Remedy};

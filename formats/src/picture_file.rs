@@ -38,6 +38,9 @@ pub fn read_picture(path: &Path) -> Result<DynamicImage> {
 }
 
 /// Decodes a picture in memory, in the format of its content, else in the `named` one; or says what is wrong with it.
+///
+/// # Errors
+/// What is wrong.
 pub fn decode_picture(bytes: &[u8], named: Option<ImageFormat>) -> std::result::Result<DynamicImage, String> {
     check_palette(bytes)?;
     let format = image::guess_format(bytes).ok().or(named).ok_or("in no known format")?;

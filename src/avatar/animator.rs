@@ -11,8 +11,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{Avatar, Extraction, paint};
-use crate::body::{BodyModel, BodyParameters, PartLabels, Registration};
-use crate::fields::{Correspondence, FieldPose, Fields, PosedField, Poser, part_label};
+use crate::body::{BodyModel, PartLabels, Pose, Registration};
+use crate::fields::{Correspondence, FieldPose, Fields, PosedField, Poser};
 use crate::mesh::{Component, ExtractedSurface, extract, largest_component};
 use crate::{Error, Result};
 
@@ -35,9 +35,10 @@ impl<'a> Animator<'a> {
     /// Makes `avatar` ready to be posed by `body`, whose vertices' parts are `labels`.
     ///
     /// # Errors
-    /// If the skinning field cannot be sampled on the configured grid.
+    /// If the body is of another skeleton, or the skinning field cannot be sampled on the configured grid.
     pub fn new(avatar: &'a Avatar, body: &'a BodyModel, labels: &'a PartLabels) -> Result<Self> {
         let Avatar { config, subject, .. } = avatar;
+        subject.skeleton.require(body.skeleton(), "the body model")?;
         let mut fields = avatar.fields.clone();
         let mut poser = Poser::for_surfaces(config, body, labels, &subject.betas, subject.bounds)?;
         poser.prune_starts(&mut fields.skinning)?;
@@ -45,17 +46,22 @@ impl<'a> Animator<'a> {
         Ok(Self { avatar, body, labels, poser, fields })
     }
 
-    /// The surface posed by `parameters`, in the avatar's own shape: without hidden surfaces; in the world. `resolution` cells
-    /// along the longest side of the box around the posed body.
+    /// The avatar.
+    pub fn avatar(&self) -> &'a Avatar {
+        self.avatar
+    }
+
+    /// The surface in a pose, in the avatar's own shape: without hidden surfaces; in the world. `resolution` cells along the
+    /// longest side of the box around the posed body.
     ///
     /// # Errors
-    /// As [`Avatar::extract_canonical`], and if the parameters do not fit the body model.
-    pub fn extract(&self, parameters: &BodyParameters, resolution: usize) -> Result<Extraction> {
-        let parameters = BodyParameters { betas: self.avatar.subject.betas, ..parameters.clone() };
+    /// As [`Avatar::extract_canonical`], and if the pose does not fit the body model.
+    pub fn extract(&self, pose: &Pose, resolution: usize) -> Result<Extraction> {
+        let pose = pose.in_shape(&self.avatar.subject.betas);
         let vertices: Vec<Vec3> =
-            self.body.pose(&parameters)?.vertices.iter().map(|vertex| *vertex - parameters.transl).collect();
-        let pose = FieldPose::new(self.body, &parameters)?;
-        let posed = self.poser.pose(&self.fields, &pose, &pose.condition)?;
+            self.body.pose(&pose)?.vertices.iter().map(|vertex| *vertex - pose.translation).collect();
+        let field_pose = FieldPose::new(self.body, &pose)?;
+        let posed = self.poser.pose(&self.fields, &field_pose, &field_pose.condition)?;
         let queries = Queries {
             posed: &posed,
             registration: Registration::new(&vertices, self.labels)?,
@@ -77,7 +83,7 @@ impl<'a> Animator<'a> {
             .collect();
         let (canonical, jacobians) = posed.warp.refined(&canonical, &mesh.vertices);
         paint(&mut mesh, posed.evaluator.posed_shades(&canonical, &jacobians)?);
-        mesh.vertices.iter_mut().for_each(|vertex| *vertex += parameters.transl);
+        mesh.vertices.iter_mut().for_each(|vertex| *vertex += pose.translation);
         Ok(Extraction { mesh, dropped_components: others })
     }
 }
@@ -118,7 +124,7 @@ impl Queries<'_> {
         let nearest: Vec<_> = points.par_iter().map(|point| self.registration.nearest(*point)).collect();
         let near: Vec<usize> = (0..points.len()).filter(|index| nearest[*index].1 < REACH).collect();
         let targets: Vec<_> = near.iter().map(|index| points[*index].to_array()).collect();
-        let labels: Vec<_> = near.iter().map(|index| part_label(nearest[*index].0)).collect();
+        let labels: Vec<_> = near.iter().map(|index| nearest[*index].0.0).collect();
         let found = self.posed.correspondences(&targets, &labels)?;
         Ok(near.into_iter().zip(found).filter_map(|(index, found)| Some((index, found?))).collect())
     }

@@ -1,50 +1,28 @@
 //! The product of training: fields and skeleton, to query, extract and pose.
 //!
-//! One self-contained safetensors file: parameters under `field.parameter`, the configuration and the subject as text. It
-//! carries what the user's own training made, and joints, never a body model's blend shapes.
+//! [`Avatar::save`] makes it one self-contained file.
 
 mod animator;
+mod file;
 mod fixed_topology;
 mod official;
 mod query;
-
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+mod subject;
 
 use glam::Vec3;
-use serde::{Deserialize, Serialize};
 use xavatar_network::Representation;
 
 pub use self::animator::Animator;
 pub use self::fixed_topology::FixedTopology;
 pub use self::official::OfficialMeta;
 pub use self::query::Sample;
+pub use self::subject::Subject;
 
-use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels};
+use crate::Result;
+use crate::body::{BodyModel, PartLabels, Pose};
 use crate::config::Config;
-use crate::fields::{CONDITION, FieldEvaluator, Fields, Shade, condition};
+use crate::fields::{Condition, FieldEvaluator, Fields, Shade};
 use crate::mesh::{Colouring, Component, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
-use crate::{Error, InputError, Result};
-use xavatar_formats::TensorFile;
-
-/// Version of the file's layout.
-const VERSION: u32 = 2;
-
-/// Whom an avatar was made of.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Subject {
-    /// The body model's gender.
-    pub gender: Gender,
-    /// Shape coefficients.
-    pub betas: [f32; 10],
-    /// Canonical joints (J), metres.
-    pub joints: Vec<Vec3>,
-    /// Lowest and highest corner of the canonical box, metres.
-    pub bounds: (Vec3, Vec3),
-    /// Frames it was trained on.
-    pub frames: usize,
-}
 
 /// An animatable avatar.
 #[derive(Clone, Debug)]
@@ -69,78 +47,18 @@ pub struct Extraction {
 }
 
 impl Avatar {
-    /// The file's name in a run folder.
-    pub const FILE: &str = "avatar.safetensors";
-
-    /// Writes the avatar as one file, whole or not at all.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
-    pub fn save(&self, path: &Path) -> Result<()> {
-        let mut file = TensorFile::default();
-        self.fields.insert_into(&mut file);
-        file.text = HashMap::from([
-            ("version".into(), VERSION.to_string()),
-            ("config".into(), self.config.to_toml()?),
-            (
-                "subject".into(),
-                serde_json::to_string(&self.subject).map_err(|error| InputError::io(path)(error.into()))?,
-            ),
-            ("steps".into(), self.steps.to_string()),
-        ]);
-        Ok(file.write(path)?)
+    /// What its geometry is told of a pose.
+    pub fn condition(&self) -> Condition {
+        self.subject.condition()
     }
 
-    /// Reads an avatar file, or the one in a run folder.
+    /// The canonical surface under the condition of a pose, with `resolution` cells along the longest side.
     ///
     /// # Errors
-    /// If the file is missing, broken, of another version, or its parameters do not fit its configuration.
-    pub fn load(path: &Path) -> Result<Self> {
-        let path: PathBuf = if path.is_dir() { path.join(Self::FILE) } else { path.into() };
-        if !path.exists() {
-            return Err(Error::from(InputError::Missing {
-                path,
-                what: "avatar".into(),
-                remedy: "pass an avatar.safetensors or the folder of a finished run".into(),
-            }));
-        }
-        let file = TensorFile::read(&path)?;
-        let version: u32 = file.parsed(&path, "version")?;
-        if version != VERSION {
-            return Err(Error::from(InputError::Mismatch {
-                path,
-                found: format!("an avatar file of version {version}"),
-                expected: format!("version {VERSION}"),
-                remedy: "train it again, or use the program that wrote it".into(),
-            }));
-        }
-        let malformed = |place: &str, found: String| {
-            Error::from(InputError::Malformed {
-                path: path.clone(),
-                format: "avatar",
-                place: format!("metadata `{place}`"),
-                found,
-                expected: "what this program writes".into(),
-            })
-        };
-        let config: Config =
-            Config::parse(file.text(&path, "config")?).map_err(|error| malformed("config", error.to_string()))?;
-        let subject: Subject = serde_json::from_str(file.text(&path, "subject")?)
-            .map_err(|error| malformed("subject", error.to_string()))?;
-        let (low, high) = subject.bounds;
-        if subject.joints.len() != JOINTS || !(low.is_finite() && high.is_finite() && low.cmplt(high).all()) {
-            return Err(malformed("subject", format!("{} joints in {low} to {high}", subject.joints.len())));
-        }
-        let fields = Fields::read(&file, &path, &config.fields, subject.bounds)?;
-        Ok(Self { fields, config, subject, steps: file.parsed(&path, "steps")? })
-    }
-
-    /// The canonical surface under the condition of `parameters`, with `resolution` cells along the longest side.
-    ///
-    /// # Errors
-    /// [`Error::NoSurface`] with the range of values seen; [`Error::Value`] for a resolution out of range.
-    pub fn extract_canonical(&self, parameters: &BodyParameters, resolution: usize) -> Result<Extraction> {
-        self.canonical_surface(&condition(parameters), resolution)
+    /// [`Error::NoSurface`](crate::Error::NoSurface) with the range of values seen;
+    /// [`InputError::Value`](crate::InputError::Value) for a resolution out of range.
+    pub fn extract_canonical(&self, pose: &Pose, resolution: usize) -> Result<Extraction> {
+        self.canonical_surface(&self.condition().of(pose), resolution)
     }
 
     /// The canonical surface under no condition: that of [`FixedTopology`].
@@ -148,7 +66,7 @@ impl Avatar {
     /// # Errors
     /// As [`Avatar::extract_canonical`].
     pub fn extract_unconditioned(&self, resolution: usize) -> Result<Extraction> {
-        self.canonical_surface(&[0.0; CONDITION], resolution)
+        self.canonical_surface(&self.condition().none(), resolution)
     }
 
     /// The colours (N), sRGB, of canonical points (N) on or near the surface, under no condition as those of [`FixedTopology`].
@@ -156,7 +74,7 @@ impl Avatar {
     /// # Errors
     /// Those of the fields: points that are not finite.
     pub fn colours(&self, points: &[Vec3]) -> Result<Vec<[u8; 3]>> {
-        let shades = FieldEvaluator::new(&self.fields, &[0.0; CONDITION]).shades(&arrays(points))?;
+        let shades = FieldEvaluator::new(&self.fields, &self.condition().none()).shades(&arrays(points))?;
         Ok(shades.into_iter().map(|shade| shade.colour).collect())
     }
 
@@ -168,10 +86,10 @@ impl Avatar {
         &self,
         body: &BodyModel,
         labels: &PartLabels,
-        parameters: &BodyParameters,
+        pose: &Pose,
         resolution: usize,
     ) -> Result<Extraction> {
-        Animator::new(self, body, labels)?.extract(parameters, resolution)
+        Animator::new(self, body, labels)?.extract(pose, resolution)
     }
 
     fn canonical_surface(&self, condition: &[f32], resolution: usize) -> Result<Extraction> {

@@ -6,8 +6,8 @@
 use glam::Vec3;
 
 use super::{Avatar, arrays};
-use crate::body::{BodyParameters, JOINTS};
-use crate::fields::{FieldEvaluator, Shade, condition};
+use crate::body::Pose;
+use crate::fields::{FieldEvaluator, Shade};
 use crate::{Error, InputError, Result};
 
 /// What the fields say of one canonical point.
@@ -21,15 +21,15 @@ pub struct Sample {
     /// sRGB.
     pub colour: [u8; 3],
     /// How much of each bone's motion the point follows (J); their sum is 1.
-    pub weights: [f32; JOINTS],
+    pub weights: Vec<f32>,
 }
 
 impl Avatar {
-    /// The fields at canonical points (N), under the pose and expression of `parameters`.
+    /// The fields at canonical points (N), under a pose and its expression.
     ///
     /// # Errors
     /// [`Error::Value`] for a point that is not finite.
-    pub fn query(&self, points: &[Vec3], parameters: &BodyParameters) -> Result<Vec<Sample>> {
+    pub fn query(&self, points: &[Vec3], pose: &Pose) -> Result<Vec<Sample>> {
         if let Some(point) = points.iter().find(|point| !point.is_finite()) {
             return Err(Error::from(InputError::Value {
                 name: "a point to query".into(),
@@ -37,17 +37,17 @@ impl Avatar {
                 expected: "finite coordinates".into(),
             }));
         }
-        let evaluator = FieldEvaluator::new(&self.fields, &condition(parameters));
+        let evaluator = FieldEvaluator::new(&self.fields, &self.condition().of(pose));
         let canonical = arrays(points);
         let (values, weights) = (evaluator.values(&canonical), evaluator.weights(&canonical));
         let shades = evaluator.shades(&canonical)?;
-        let samples = values.into_iter().zip(shades).zip(weights.as_chunks::<JOINTS>().0);
-        let sample = |((value, Shade { normal, colour }), weights): ((f32, Shade), &[f32; JOINTS])| Sample {
+        let rows = weights.chunks_exact(self.subject.skeleton.joints.len());
+        let sample = |((value, Shade { normal, colour }), weights): ((f32, Shade), &[f32])| Sample {
             value,
             normal,
             colour,
-            weights: *weights,
+            weights: weights.to_vec(),
         };
-        Ok(samples.map(sample).collect())
+        Ok(values.into_iter().zip(shades).zip(rows).map(sample).collect())
     }
 }

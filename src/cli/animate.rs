@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use rayon::prelude::*;
 use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
-use xavatar::body::BodyParameters;
+use xavatar::body::Pose;
 use xavatar::formats::{read_bytes, read_text};
 
 use super::extract::MeshFormat;
@@ -72,7 +72,7 @@ struct Animated<'a> {
 /// A mesh to be made.
 struct Frame {
     path: PathBuf,
-    parameters: BodyParameters,
+    pose: Pose,
 }
 
 /// What a folder's meshes are made from, so that two animations never mix.
@@ -112,7 +112,8 @@ impl Animate {
         }
         .claim(&self.out, self.resume)?;
         let file = |number: usize| self.out.join(format!("mesh-f{number:05}.{}", self.format.extension()));
-        let frames = (1..).zip(clip.frames).map(|(number, parameters)| Frame { path: file(number), parameters });
+        let poses = clip.poses(Some(&body))?;
+        let frames = (1..).zip(poses).map(|(number, pose)| Frame { path: file(number), pose });
         let missing: Vec<Frame> = frames.filter(|frame| !frame.path.exists()).collect();
         let kept = total - missing.len();
         if kept > 0 {
@@ -133,15 +134,13 @@ impl Animate {
             dropped_components = topology.dropped_components();
             // Files of different frames are written at the same time.
             for frames in missing.chunks(rayon::current_num_threads()).take_while(|_| !stop.load(Ordering::Relaxed)) {
-                frames
-                    .par_iter()
-                    .try_for_each(|frame| self.format.write(&frame.path, &topology.pose(&frame.parameters)?))?;
+                frames.par_iter().try_for_each(|frame| self.format.write(&frame.path, &topology.pose(&frame.pose)?))?;
                 show(frames.len());
             }
         } else {
             let animator = Animator::new(&avatar, &body, &labels)?;
             for frame in missing.iter().take_while(|_| !stop.load(Ordering::Relaxed)) {
-                let extraction = animator.extract(&frame.parameters, self.resolution)?;
+                let extraction = animator.extract(&frame.pose, self.resolution)?;
                 dropped_components += extraction.dropped_components;
                 self.format.write(&frame.path, &extraction.mesh)?;
                 show(1);

@@ -251,7 +251,7 @@ impl fmt::Display for Content {
 impl fmt::Display for AvatarDescription {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { steps, surface, parameters, skinning_grid, subject, config } = self;
-        let Subject { gender, frames, betas, bounds: (low, high), .. } = subject;
+        let Subject { gender, frames, betas, skeleton, bounds: (low, high), .. } = subject;
         writeln!(
             formatter,
             "avatar of a {gender} subject: preset {}, {steps} steps on {frames} frames",
@@ -264,6 +264,7 @@ impl fmt::Display for AvatarDescription {
         if let Some((logits, nodes)) = skinning_grid {
             writeln!(formatter, "skinning: {logits} logits at {nodes} nodes")?;
         }
+        writeln!(formatter, "{}: {}", skeleton.description(), skeleton.joints.join(", "))?;
         writeln!(formatter, "betas: {betas:?}\ncanonical box: {low} to {high} m")?;
         writeln!(formatter, "configuration:\n{}", config.to_toml().map_err(|_| fmt::Error)?.trim_end())
     }

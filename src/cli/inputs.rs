@@ -68,7 +68,7 @@ pub fn load_body(path: &Path, gender: Gender) -> xavatar::Result<(BodyModel, Par
 pub struct SubjectFrames {
     files: Vec<FrameFiles>,
     ids: Vec<FrameId>,
-    betas: [f32; 10],
+    betas: Vec<f32>,
     gender: Gender,
 }
 
@@ -78,7 +78,7 @@ impl SubjectFrames {
         Self {
             files: files.to_vec(),
             ids: files.iter().map(|files| files.id.clone()).collect(),
-            betas: subject.betas,
+            betas: subject.betas.clone(),
             gender: subject.gender,
         }
     }
@@ -109,8 +109,8 @@ impl FrameSource for SubjectFrames {
         read_frame(&self.files[index], &self.betas)
     }
 
-    fn betas(&self) -> [f32; 10] {
-        self.betas
+    fn betas(&self) -> &[f32] {
+        &self.betas
     }
 
     fn gender(&self) -> Gender {

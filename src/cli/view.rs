@@ -51,7 +51,8 @@ impl View {
         // A port that is taken is known before the work.
         let server = Server::bind(&self.host, self.port)?;
         log::info!("preparing the avatar");
-        let rig = report::rig(&avatar, body.as_ref().map(|(body, _)| body), &clip)?;
+        let of_body = body.as_ref().map(|(body, _)| body);
+        let rig = report::rig(&avatar, of_body, &clip.poses(of_body)?, clip.frames_per_second)?;
         let animator = match &body {
             Some((body, labels)) => Some(Animator::new(&avatar, body, labels)?),
             None => None,
@@ -85,6 +86,7 @@ fn built_in_body(avatar: &Avatar) -> anyhow::Result<Option<(BodyModel, PartLabel
     const SAME_JOINT: f32 = 1e-4;
     let subject = BuiltInSubject::new()?;
     let joints = subject.model().canonical_joints(&avatar.subject.betas)?;
-    let is_same = joints.iter().zip(&avatar.subject.joints).all(|(joint, own)| joint.distance(*own) < SAME_JOINT);
+    let is_same = joints.len() == avatar.subject.joints.len()
+        && joints.iter().zip(&avatar.subject.joints).all(|(joint, own)| joint.distance(*own) < SAME_JOINT);
     Ok(is_same.then(|| (subject.model().clone(), subject.part_labels().clone())))
 }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use xavatar_deformer::{Axis, Grid, StartGroups, VoxelSkinning};
 
 use crate::Result;
-use crate::body::{BodyModel, JOINTS, Part, PartLabels};
+use crate::body::{BodyModel, PartLabels, Role};
 use crate::config::VoxelShape;
 use crate::mesh::SolidIndex;
 
@@ -33,8 +33,8 @@ impl BodyPlaces {
     ///
     /// # Errors
     /// If the body cannot be made.
-    pub fn nearest(body: &BodyModel, betas: &[f32; 10], points: &[Vec3]) -> Result<(Self, Vec<f32>)> {
-        let mesh = body.mesh(body.canonical_vertices(betas, &[0.0; 10])?);
+    pub fn nearest(body: &BodyModel, betas: &[f32], points: &[Vec3]) -> Result<(Self, Vec<f32>)> {
+        let mesh = body.mesh(body.canonical_vertices(betas, &[])?);
         let nearest = SolidIndex::new(&mesh)?.signed_distances(points);
         let places = nearest.iter().map(|(_, place)| (mesh.faces[place.face as usize], place.barycentric)).collect();
         Ok((Self { places }, nearest.into_iter().map(|(distance, _)| distance).collect()))
@@ -66,11 +66,12 @@ impl CanonicalGrid {
     ///
     /// # Errors
     /// If a spacing is out of range or would make too many nodes.
-    pub fn new(body: &BodyModel, labels: &PartLabels, betas: &[f32; 10], shape: VoxelShape) -> Result<Self> {
-        let mesh = body.mesh(body.canonical_vertices(betas, &[0.0; 10])?);
+    pub fn new(body: &BodyModel, labels: &PartLabels, betas: &[f32], shape: VoxelShape) -> Result<Self> {
+        let mesh = body.mesh(body.canonical_vertices(betas, &[])?);
         let (low, high) = canonical_box(&mesh.vertices);
-        let detailed: Vec<(Vec3, Vec3)> = [Part::LeftHand, Part::RightHand, Part::Face]
+        let detailed: Vec<(Vec3, Vec3)> = Role::FINE
             .into_iter()
+            .flat_map(|role| body.skeleton().parts_of(role))
             .map(|part| box_around(labels.vertices_of(part).iter().map(|vertex| mesh.vertices[*vertex]), FINE_MARGIN))
             .filter(|(low, high)| low.cmple(*high).all())
             .collect();
@@ -90,16 +91,16 @@ impl CanonicalGrid {
     /// # Errors
     /// If a place has no weights.
     pub fn skinning(&self, body: &BodyModel) -> Result<VoxelSkinning<f32>> {
-        let weights = body.skinning_weights();
+        let (weights, joints) = (body.skinning_weights(), body.skeleton().joints.len());
         let row = |(corners, shares): &([u32; 3], [f32; 3])| {
             let at = |joint: usize| {
-                let corner = |(vertex, share): (&u32, &f32)| share * weights[*vertex as usize * JOINTS + joint];
+                let corner = |(vertex, share): (&u32, &f32)| share * weights[*vertex as usize * joints + joint];
                 corners.iter().zip(shares).map(corner).sum::<f32>()
             };
-            (0..JOINTS).map(|joint| (joint, at(joint))).filter(|(_, weight)| *weight > LEAST_WEIGHT).collect()
+            (0..joints).map(|joint| (joint, at(joint))).filter(|(_, weight)| *weight > LEAST_WEIGHT).collect()
         };
         let rows: Vec<Vec<(usize, f32)>> = self.places.places.par_iter().map(row).collect();
-        Ok(VoxelSkinning::new(self.grid.clone(), JOINTS, &rows)?)
+        Ok(VoxelSkinning::new(self.grid.clone(), joints, &rows)?)
     }
 
     /// Lets searches in `skinning` skip starts that can reach no cell near or inside the body.

@@ -32,7 +32,7 @@ pub struct FieldEvaluator<'a> {
 }
 
 impl<'a> FieldEvaluator<'a> {
-    /// The fields under a condition, as [`condition`](super::condition) makes it; zeros for none.
+    /// The fields under a condition, as [`Condition`](super::Condition) makes it; zeros for none.
     pub fn new(fields: &'a Fields<f32>, condition: &[f32]) -> Self {
         Self { fields, embedded: fields.geometry.mlp.embed(condition) }
     }

@@ -5,6 +5,7 @@
 //! a grid is known to [`Skinning`] alone.
 
 mod canonical_grid;
+mod condition;
 mod correspondence;
 mod evaluate;
 mod gradients;
@@ -21,28 +22,19 @@ use xavatar_deformer::GradientSide;
 use xavatar_network::{Bounds, GeometryField, Real, Representation, TextureField};
 
 pub use canonical_grid::{BodyPlaces, CanonicalGrid};
+pub use condition::Condition;
 pub use correspondence::{Correspondence, PosedField};
 pub use evaluate::{BLOCK_ROWS, FieldEvaluator, Shade};
 pub use gradients::{FieldGradients, FieldRates, SummedGradients};
 pub use per_field::PerField;
 pub use posed::{FieldPose, Poser, bone_rows};
-pub use skinning::{Blend, PosedWarp, Skinning, SkinningBinding, SkinningGradient, SummedSkinning, skeleton_parents};
-pub use starts::{part_label, start_groups, union_start_groups};
+pub use skinning::{Blend, PosedWarp, Skinning, SkinningBinding, SkinningGradient, SummedSkinning};
+pub use starts::{start_groups, union_start_groups};
 
 pub(crate) use canonical_grid::{CERTAINLY_OUTSIDE, canonical_box};
 
 use crate::Result;
-use crate::body::BodyParameters;
 use crate::config::FieldSettings;
-
-/// Entries of the condition c = [theta_b / pi, psi]: 63 of the body pose, 10 of the expression.
-pub const CONDITION: usize = 73;
-
-/// The condition of a pose and expression.
-pub fn condition(parameters: &BodyParameters) -> Vec<f32> {
-    let pose = parameters.body_pose.iter().flat_map(|joint| (joint.0 / std::f32::consts::PI).to_array());
-    pose.chain(parameters.expression).collect()
-}
 
 /// Geometry, texture and skinning of one avatar.
 #[derive(Clone, Debug)]
@@ -60,9 +52,14 @@ impl<T: Real> Fields<T> {
     ///
     /// # Errors
     /// If an extent is out of range.
-    pub fn new(settings: &FieldSettings, skinning: Skinning<T>, bounds: (Vec3, Vec3)) -> Result<Self> {
+    pub fn new(
+        settings: &FieldSettings,
+        condition: &Condition,
+        skinning: Skinning<T>,
+        bounds: (Vec3, Vec3),
+    ) -> Result<Self> {
         let bounds = Bounds { lowest: bounds.0.to_array(), highest: bounds.1.to_array() };
-        let geometry = GeometryField::new(&settings.geometry, CONDITION, settings.representation, bounds)?;
+        let geometry = GeometryField::new(&settings.geometry, condition.width(), settings.representation, bounds)?;
         let texture =
             TextureField::new(&settings.texture, settings.geometry.embedded, settings.geometry.width, bounds)?;
         Ok(Self { geometry, texture, skinning })

@@ -1,13 +1,13 @@
-//! From a pose to a posed avatar: what the body model makes of parameters, and what all poses of one avatar share.
+//! From a pose to a posed avatar: what the body model makes of it, and what all poses of one avatar share.
 //!
 //! Condition, bones, the offsets of a grid's nodes and the warp are put together here and nowhere else. V vertices, J joints, R nodes.
 
 use glam::{Affine3A, Vec3};
 use xavatar_deformer::{BakedWeights, BoneTransform, SearchSettings, StartGroups, bone_transform};
 
-use super::{FieldEvaluator, Fields, PosedField, Skinning, SkinningBinding, condition, union_start_groups};
+use super::{Condition, FieldEvaluator, Fields, PosedField, Skinning, SkinningBinding, union_start_groups};
 use crate::Result;
-use crate::body::{BodyModel, BodyParameters, PartLabels};
+use crate::body::{BodyModel, PartLabels, Pose};
 use crate::config::{Config, SearchedField};
 
 /// Bone transforms as the search takes them.
@@ -27,15 +27,15 @@ pub struct FieldPose {
 }
 
 impl FieldPose {
-    /// The pose of `parameters`.
+    /// What the body model makes of a pose.
     ///
     /// # Errors
-    /// If the parameters do not fit the body model.
-    pub fn new(body: &BodyModel, parameters: &BodyParameters) -> Result<Self> {
+    /// If the pose does not fit the body model.
+    pub fn new(body: &BodyModel, pose: &Pose) -> Result<Self> {
         Ok(Self {
-            condition: condition(parameters),
-            bones: bone_rows(&body.canonical_to_posed(parameters)?),
-            offsets: body.canonical_offsets(parameters)?,
+            bones: bone_rows(&body.canonical_to_posed(pose)?),
+            offsets: body.canonical_offsets(pose)?,
+            condition: Condition::new(body.skeleton(), body.expression_coefficients()).of(pose),
         })
     }
 }
@@ -61,11 +61,11 @@ impl Poser {
         config: &Config,
         body: &BodyModel,
         labels: &PartLabels,
-        betas: &[f32; 10],
+        betas: &[f32],
         bounds: (Vec3, Vec3),
     ) -> Result<Self> {
         let binding = SkinningBinding::new(&config.fields.skinning, body, labels, betas)?;
-        Ok(Self::new(config, binding.training_groups(config.starts)?, binding, bounds))
+        Ok(Self::new(config, binding.training_groups(config.starts, body.skeleton())?, binding, bounds))
     }
 
     /// For surfaces, which are those of the union of all correspondences.
@@ -76,11 +76,11 @@ impl Poser {
         config: &Config,
         body: &BodyModel,
         labels: &PartLabels,
-        betas: &[f32; 10],
+        betas: &[f32],
         bounds: (Vec3, Vec3),
     ) -> Result<Self> {
         let binding = SkinningBinding::new(&config.fields.skinning, body, labels, betas)?;
-        Ok(Self::new(config, union_start_groups(config.starts)?, binding, bounds))
+        Ok(Self::new(config, union_start_groups(config.starts, body.skeleton())?, binding, bounds))
     }
 
     fn new(config: &Config, groups: StartGroups, binding: SkinningBinding, bounds: (Vec3, Vec3)) -> Self {

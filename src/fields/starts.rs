@@ -3,60 +3,63 @@
 use xavatar_deformer::StartGroups;
 
 use crate::Result;
-use crate::body::{FULL_GROUP, JOINTS, Part};
+use crate::body::{PartGroup, Role, Skeleton};
 use crate::config::Starts;
 
-/// The start groups of a choice of starts; labels are places in [`Part::ALL`].
+/// The start groups of a skeleton by a choice of starts; labels are the places of its parts.
 ///
 /// # Errors
-/// Never for the SMPL-X skeleton.
-pub fn start_groups(starts: Starts) -> Result<StartGroups> {
-    let part_joints = |part: Part| match starts {
-        Starts::Part => part.joints().to_vec(),
-        Starts::Body => Part::Body.joints().to_vec(),
-        Starts::All => (0..JOINTS).collect(),
+/// If the skeleton fails [`Skeleton::check`].
+pub fn start_groups(starts: Starts, skeleton: &Skeleton) -> Result<StartGroups> {
+    let joints = skeleton.joints.len();
+    let common: Option<Vec<usize>> = match starts {
+        Starts::Part => None,
+        // Without such a part, as by parts.
+        Starts::Body => Some(starts_of(skeleton, &[Role::Body])).filter(|starts| !starts.is_empty()),
+        Starts::All => Some((0..joints).collect()),
     };
-    let full = match starts {
-        Starts::Part => FULL_GROUP.to_vec(),
-        Starts::Body => Part::Body.joints().to_vec(),
-        Starts::All => (0..JOINTS).collect(),
-    };
-    Ok(StartGroups::new(JOINTS, Part::ALL.map(part_joints).to_vec(), full)?)
+    let of_part = |part: &PartGroup| common.clone().unwrap_or_else(|| part.starts.clone());
+    let parts = skeleton.parts.iter().map(of_part).collect();
+    Ok(StartGroups::new(joints, parts, common.clone().unwrap_or_else(|| skeleton.starts.clone()))?)
 }
 
 /// The start groups of a union: for every part the body's and the face's bones too, since a hand may touch the body, and the
 /// scalp, which is labelled as body, moves with the head.
 ///
 /// # Errors
-/// Never for the SMPL-X skeleton.
-pub fn union_start_groups(starts: Starts) -> Result<StartGroups> {
+/// If the skeleton fails [`Skeleton::check`].
+pub fn union_start_groups(starts: Starts, skeleton: &Skeleton) -> Result<StartGroups> {
     if starts != Starts::Part {
-        return start_groups(starts);
+        return start_groups(starts, skeleton);
     }
-    let with_body = |part: Part| {
-        let others = [Part::Body, Part::Face].into_iter().flat_map(Part::joints);
-        let others = others.filter(|joint| !part.joints().contains(joint));
-        part.joints().iter().chain(others).copied().collect()
+    let common = starts_of(skeleton, &[Role::Body, Role::Face]);
+    let with_body = |part: &PartGroup| {
+        let others = common.iter().filter(|joint| !part.starts.contains(joint));
+        part.starts.iter().chain(others).copied().collect()
     };
-    Ok(StartGroups::new(JOINTS, Part::ALL.map(with_body).to_vec(), FULL_GROUP.to_vec())?)
+    let parts = skeleton.parts.iter().map(with_body).collect();
+    Ok(StartGroups::new(skeleton.joints.len(), parts, skeleton.starts.clone())?)
 }
 
-/// The label of a part in [`start_groups`].
-pub fn part_label(part: Part) -> u8 {
-    part as u8
+/// The starts of the parts of these roles.
+fn starts_of(skeleton: &Skeleton, roles: &[Role]) -> Vec<usize> {
+    let parts = skeleton.parts.iter().filter(|part| roles.contains(&part.role));
+    parts.flat_map(|part| part.starts.iter().copied()).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::smplx;
 
     #[test]
     fn a_union_starts_from_the_points_own_part_the_body_and_the_head() {
-        let groups = union_start_groups(Starts::Part).unwrap();
-        for part in Part::ALL {
-            let bones = groups.bones(Some(part_label(part))).unwrap();
-            let expected = [part, Part::Body, Part::Face].into_iter().flat_map(Part::joints);
-            assert!(expected.into_iter().all(|bone| bones.contains(bone)), "{part:?}");
+        let skeleton = smplx::skeleton();
+        let groups = union_start_groups(Starts::Part, skeleton).unwrap();
+        for (part, group) in skeleton.parts() {
+            let bones = groups.bones(Some(part.0)).unwrap();
+            let expected = group.starts.iter().chain(&skeleton.parts[0].starts).chain(&skeleton.parts[1].starts);
+            assert!(expected.into_iter().all(|bone| bones.contains(bone)), "{}", group.name);
         }
     }
 }

@@ -6,8 +6,9 @@ use glam::Vec3;
 use xavatar_formats::TensorFile;
 use xavatar_network::Mlp;
 
-use super::{Fields, Skinning};
+use super::{Condition, Fields, Skinning};
 use crate::Result;
+use crate::body::Skeleton;
 use crate::config::FieldSettings;
 
 const GEOMETRY: &str = "geometry";
@@ -15,9 +16,16 @@ const TEXTURE: &str = "texture";
 
 impl Fields<f32> {
     /// The fields of these settings that are stored in the file at `path`; grids fill `bounds`, the canonical box.
-    pub(crate) fn read(file: &TensorFile, path: &Path, settings: &FieldSettings, bounds: (Vec3, Vec3)) -> Result<Self> {
-        let skinning = Skinning::stored(&settings.skinning, file, path)?;
-        let mut fields = Self::new(settings, skinning, bounds)?;
+    pub(crate) fn read(
+        file: &TensorFile,
+        path: &Path,
+        settings: &FieldSettings,
+        skeleton: &Skeleton,
+        condition: &Condition,
+        bounds: (Vec3, Vec3),
+    ) -> Result<Self> {
+        let skinning = Skinning::stored(&settings.skinning, skeleton, file, path)?;
+        let mut fields = Self::new(settings, condition, skinning, bounds)?;
         fields.load_from(file)?;
         Ok(fields)
     }

@@ -62,12 +62,12 @@ impl PosedSubject {
             Trainer::start(&config, TrainingFrames::Scans(&frame), model, labels, folder.path(), &mut unwatched)?;
         trainer.run(&AtomicBool::new(false), &mut unwatched)?;
         let avatar = trainer.avatar()?;
-        let parameters = &frame.frames()[0].parameters;
-        let vertices = model.pose(parameters)?.vertices.into_iter().cycle().take(points);
+        let pose = model.resolve(&frame.frames()[0].parameters)?;
+        let vertices = model.pose(&pose)?.vertices.into_iter().cycle().take(points);
         Ok(Self {
             avatar,
-            bones: bone_rows(&model.canonical_to_posed(parameters)?),
-            points: vertices.map(|vertex| (vertex - parameters.transl).to_array()).collect(),
+            bones: bone_rows(&model.canonical_to_posed(&pose)?),
+            points: vertices.map(|vertex| (vertex - pose.translation).to_array()).collect(),
         })
     }
 
@@ -82,7 +82,7 @@ impl PosedSubject {
             None => fields.skinning.warp(None, &self.bones, None)?,
             Some(baked) => PosedWarp::sampled(baked, &self.bones)?,
         };
-        let groups = start_groups(Starts::Body)?;
+        let groups = start_groups(Starts::Body, &subject.skeleton)?;
         let labels = vec![0; self.points.len()];
         let search = || warp.candidates(&groups, &config.search, &self.points, &labels);
         let found = search()?.statistics;

@@ -22,7 +22,7 @@ use image::RgbImage;
 pub use closeup::closeup;
 pub use machine::machine;
 pub use page::Fact;
-pub use part_colours::{PART_NAMES, part_colours};
+pub use part_colours::{part_colour, part_colours, part_names};
 
 use self::chart::{grouped, number};
 use self::metrics::MetricsTable;
@@ -32,6 +32,7 @@ use self::scene::ViewerScene;
 use self::training::TrainingRecord;
 use crate::Result;
 use crate::avatar::Avatar;
+use crate::body::Role;
 use crate::evaluate;
 use crate::export::RiggedMesh;
 use crate::mesh::camera::{PinholeCamera, THREE_QUARTER};
@@ -136,7 +137,8 @@ impl Report<'_> {
         let mut figures = Vec::new();
         if let Some((report, _)) = &self.evaluation {
             let mean = report.mean();
-            let parts = [("Body, CD", mean.all), ("Hands, CD", mean.hands), ("Face, CD", mean.face)];
+            let parts =
+                [("Body, CD", mean.all), ("Hands, CD", mean.of(Role::Hands)), ("Face, CD", mean.of(Role::Face))];
             let distance = |(label, part): (_, Option<evaluate::PartMetrics>)| {
                 Some(KeyFigure { label, value: format!("{:.2}", part?.cd_mm), unit: "mm" })
             };

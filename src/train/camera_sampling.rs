@@ -12,7 +12,6 @@ use rayon::prelude::*;
 use super::camera_view::{CameraView, Source};
 use super::drawn::PosedSamples;
 use crate::config::{Config, SamplingStrategy};
-use crate::fields::part_label;
 
 struct OnSurface {
     position: Vec3,
@@ -50,7 +49,7 @@ pub(super) fn draw(view: &CameraView, config: &Config, random: &mut ChaCha8Rng) 
             let deviation = if wide { sampling.wide_deviation } else { sampling.deviation };
             let noise = Vec3::from_array(std::array::from_fn(|_| random.sample(StandardNormal)));
             let off = position + deviation * noise;
-            drawn.push(OnSurface { position, normal, colour, label: part_label(part), is_registered, off });
+            drawn.push(OnSurface { position, normal, colour, label: part.0, is_registered, off });
         }
     }
     let mut samples = PosedSamples::default();

@@ -9,8 +9,9 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
 use super::captured::RgbdCapture;
+use super::part_shares::{PartShare, part_shares, whole_share};
 use super::prepared::{BYTES_A_FACE, RegisteredBody, Surface, faces_of_part};
-use crate::body::{Part, PartLabels, Registration};
+use crate::body::{Part, PartLabels, Registration, Role, Skeleton};
 use crate::config::{Config, HandSupervision, RgbdSettings, SamplingSettings, SamplingStrategy};
 use crate::data::RgbdFrame;
 use crate::mesh::SurfaceSampler;
@@ -96,12 +97,14 @@ pub(super) struct CameraView<'a> {
     frame: RgbdFrame,
     settings: RgbdSettings,
     truncation: f32,
+    /// Which of the skeleton's parts are thin.
+    is_thin: Vec<bool>,
     /// The body's vertices (V) whose surface, or what covers it, the camera sees.
     seen: Vec<bool>,
 }
 
 impl<'a> CameraView<'a> {
-    pub fn new(capture: RgbdCapture, body: RegisteredBody<'a>, config: &Config) -> Result<Self> {
+    pub fn new(capture: RgbdCapture, body: RegisteredBody<'a>, skeleton: &Skeleton, config: &Config) -> Result<Self> {
         let RgbdCapture { frame, cloud } = capture;
         let RegisteredBody { mesh, labels, registration } = body;
         let Some(settings) = config.rgbd.clone() else {
@@ -111,7 +114,7 @@ impl<'a> CameraView<'a> {
                 expected: "one for RGB-D frames".into(),
             }));
         };
-        let transl = frame.parameters.transl;
+        let transl = frame.parameters.translation();
         let points: Vec<Vec3> = cloud.points.iter().map(|point| *point - transl).collect();
         let nearest: Vec<usize> = points.par_iter().map(|point| registration.nearest_vertex(*point)).collect();
         let colours = cloud.colours.iter().map(|colour| Vec3::from(colour.map(f32::from)) / 255.0).collect();
@@ -120,8 +123,9 @@ impl<'a> CameraView<'a> {
         let camera = frame.camera;
         let camera = PinholeCamera { translation: camera.translation + camera.rotation * transl, ..camera };
         let mut view = Self {
-            regions: regions(&observed, &nearest, &mesh, labels, &config.sampling, &settings)?,
+            regions: regions(&observed, &nearest, &mesh, skeleton, labels, &config.sampling, &settings)?,
             seen: vec![false; mesh.vertices.len()],
+            is_thin: skeleton.parts.iter().map(|part| part.role == Role::Hands).collect(),
             body: Surface::new(mesh)?,
             truncation: config.losses.truncation as f32,
             observed,
@@ -160,7 +164,7 @@ impl<'a> CameraView<'a> {
         if (offset.length_squared() - height * height).max(0.0).sqrt() >= ASIDE {
             return None;
         }
-        let is_thin = matches!(self.observed.parts[nearest], Part::LeftHand | Part::RightHand);
+        let is_thin = self.is_thin[self.observed.parts[nearest].index()];
         let depth = if is_thin { self.settings.hand_depth } else { self.truncation };
         let is_near = (-depth.min(CONTACT)..CONTACT).contains(&height);
         let is_believed = is_near || if self.is_air(point) { height > 0.0 } else { (-depth..0.0).contains(&height) };
@@ -210,6 +214,7 @@ fn regions(
     observed: &ObservedPoints,
     nearest: &[usize],
     body: &crate::mesh::TriangleMesh,
+    skeleton: &Skeleton,
     labels: &PartLabels,
     sampling: &SamplingSettings,
     settings: &RgbdSettings,
@@ -217,30 +222,21 @@ fn regions(
     let places = |wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
         (0..nearest.len()).filter(|place| wanted(*place)).map(|place| place as u32).collect()
     };
-    let SamplingSettings { body_share, face_share, hand_share, .. } = *sampling;
     if sampling.strategy == SamplingStrategy::Uniform {
-        let share = body_share + face_share + 2.0 * hand_share;
-        return Ok(vec![Region { part: Part::Body, share, source: Source::Observed(places(&|_| true)) }]);
+        let (part, share) = (Part::default(), whole_share(sampling));
+        return Ok(vec![Region { part, share, source: Source::Observed(places(&|_| true)) }]);
     }
-    let of_part = |part: Part| places(&|place| observed.parts[place] == part);
-    let eyes_mouth = places(&|place| labels.eyes_mouth[nearest[place]]);
-    let mut regions = vec![
-        Region { part: Part::Body, share: body_share, source: Source::Observed(of_part(Part::Body)) },
-        Region {
-            part: Part::Face,
-            share: face_share - settings.eyes_mouth_share,
-            source: Source::Observed(of_part(Part::Face)),
-        },
-        Region { part: Part::Face, share: settings.eyes_mouth_share, source: Source::Observed(eyes_mouth) },
-    ];
-    for part in [Part::LeftHand, Part::RightHand] {
-        let source = Source::Observed(of_part(part));
-        regions.push(Region { part, share: hand_share, source });
-    }
+    let region = |of: PartShare| {
+        let is_shown =
+            |place: usize| observed.parts[place] == of.part && (!of.is_detail || labels.detail[nearest[place]]);
+        Region { part: of.part, share: of.share, source: Source::Observed(places(&is_shown)) }
+    };
+    let shares = part_shares(skeleton, sampling, |_| settings.eyes_mouth_share);
+    let mut regions: Vec<Region> = shares.into_iter().map(region).collect();
     regions.retain(|region| matches!(&region.source, Source::Observed(places) if places.len() >= FEWEST_POINTS));
     if sampling.hand_supervision == HandSupervision::Registration {
         for region in &mut regions {
-            if matches!(region.part, Part::LeftHand | Part::RightHand) {
+            if skeleton.role(region.part) == Role::Hands {
                 let sampler = SurfaceSampler::new(body, Some(&faces_of_part(body, labels, region.part)))?;
                 region.source = Source::Registered(sampler, Box::new(observed.of_part(region.part)?));
             }
@@ -256,7 +252,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::body::{BodyParameters, PartLabelSource};
+    use crate::body::{PartLabelSource, smplx};
     use crate::data::{BACKGROUND, FrameId};
     use crate::mesh::camera::pixel_centre;
     use crate::mesh::{ExtractionGrid, Sign, extract};
@@ -279,11 +275,12 @@ mod tests {
             colour: RgbImage::from_pixel(500, 500, image::Rgb([10, 20, 30])),
             depth: depth.collect(),
             mask: None,
-            parameters: BodyParameters { transl: TRANSL, ..BodyParameters::default() },
+            parameters: smplx::Parameters { transl: TRANSL, ..Default::default() }.into(),
         };
         let registration = Registration::new(&mesh.vertices, labels).unwrap();
         let body = RegisteredBody { mesh, labels, registration };
-        CameraView::new(RgbdCapture::of(frame).unwrap(), body, &Config::preset("fast-rgbd").unwrap()).unwrap()
+        let config = Config::preset("fast-rgbd").unwrap();
+        CameraView::new(RgbdCapture::of(frame).unwrap(), body, smplx::skeleton(), &config).unwrap()
     }
 
     fn sphere() -> crate::mesh::TriangleMesh {
@@ -299,7 +296,7 @@ mod tests {
 
     fn labels(count: usize) -> PartLabels {
         let source = PartLabelSource::SkinningWeights;
-        PartLabels { parts: vec![Part::Body; count], eyes_mouth: vec![false; count], source }
+        PartLabels { parts: vec![Part(0); count], detail: vec![false; count], source }
     }
 
     // Every distance is the sphere's, and distances are known to both sides all over the visible half.
@@ -349,6 +346,6 @@ mod tests {
         let mesh = sphere();
         let labels = labels(mesh.vertices.len());
         let view = view(&labels, mesh);
-        assert_eq!(view.regions.iter().map(|region| region.part).collect::<Vec<_>>(), [Part::Body]);
+        assert_eq!(view.regions.iter().map(|region| region.part).collect::<Vec<_>>(), [Part(0)]);
     }
 }

@@ -18,9 +18,9 @@ use super::curve::Curve;
 use super::distance_grid::DistanceGrid;
 use super::losses::{Anchors, CanonicalBatch, WeightTargets};
 use crate::Result;
-use crate::body::{BodyModel, Bone, JOINTS, Part, PartLabels, joint_weights};
+use crate::body::{BodyModel, PartLabels, Role, Skeleton};
 use crate::config::Config;
-use crate::fields::{CERTAINLY_OUTSIDE, CONDITION, canonical_box};
+use crate::fields::{CERTAINLY_OUTSIDE, Condition, canonical_box};
 use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
 
 /// Expressions whose canonical bodies are kept ready.
@@ -51,9 +51,12 @@ const IDENTITY: BoneTransform<f32> = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.
 pub(super) struct CanonicalBody<'a> {
     weights: &'a [f32],
     vertices: Vec<[f32; 3]>,
-    joints: [Vec3; JOINTS],
+    skeleton: &'a Skeleton,
+    condition: Condition,
+    joints: Vec<Vec3>,
     bone_points: Vec<[f32; 3]>,
-    hands_and_face: Vec<usize>,
+    /// Vertices of hands and face (or whatever is finer than the body).
+    fine: Vec<usize>,
     expressions: Vec<ExpressiveBody>,
     /// Of the body without expression.
     distances: Arc<DistanceGrid>,
@@ -65,24 +68,27 @@ pub(super) struct CanonicalBody<'a> {
 
 /// The canonical body of one expression.
 struct ExpressiveBody {
-    expression: [f32; 10],
+    expression: Vec<f32>,
     mesh: TriangleMesh,
     solid: SolidIndex,
     sampler: SurfaceSampler,
 }
 
 impl<'a> CanonicalBody<'a> {
-    pub fn new(body: &'a BodyModel, labels: &PartLabels, betas: &[f32; 10], config: &Config) -> Result<Self> {
-        let joints = body.canonical_joints(betas)?;
+    pub fn new(body: &'a BodyModel, labels: &PartLabels, betas: &[f32], config: &Config) -> Result<Self> {
+        let (skeleton, joints) = (body.skeleton(), body.canonical_joints(betas)?);
+        let condition = Condition::new(skeleton, body.expression_coefficients());
         let mut random = ChaCha8Rng::seed_from_u64(config.seed);
-        let mut expression = [0.0; 10];
-        let mut expressions = Vec::with_capacity(EXPRESSIONS);
-        for _ in 0..EXPRESSIONS {
+        let count = if condition.expressions() > 0 { EXPRESSIONS } else { 1 };
+        let mut expression = vec![0.0; condition.expressions()];
+        let mut expressions = Vec::with_capacity(count);
+        for _ in 0..count {
             let mut mesh = body.mesh(body.canonical_vertices(betas, &expression)?);
             mesh.normals = Some(mesh.vertex_normals());
             let (solid, sampler) = (SolidIndex::new(&mesh)?, SurfaceSampler::new(&mesh, None)?);
+            let next = expression.iter().map(|_| random.sample::<f32, _>(StandardNormal)).collect();
+            let expression = std::mem::replace(&mut expression, next);
             expressions.push(ExpressiveBody { expression, mesh, solid, sampler });
-            expression = std::array::from_fn(|_| random.sample::<f32, _>(StandardNormal));
         }
         let (low, high) = canonical_box(&expressions[0].mesh.vertices);
         let distances = DistanceGrid::new(&expressions[0].solid, low, high);
@@ -90,17 +96,20 @@ impl<'a> CanonicalBody<'a> {
         Ok(Self {
             weights: body.skinning_weights(),
             vertices: expressions[0].mesh.vertices.iter().map(Vec3::to_array).collect(),
-            bone_points: Bone::of_joints(&joints)
+            bone_points: skeleton
+                .bones(&joints)
                 .iter()
                 .flat_map(|bone| bone.points(points_a_bone))
                 .map(|p| p.to_array())
                 .collect(),
-            joints,
-            hands_and_face: (0..labels.parts.len()).filter(|vertex| labels.parts[*vertex] != Part::Body).collect(),
+            fine: (0..labels.parts.len()).filter(|vertex| skeleton.role(labels.parts[*vertex]) != Role::Body).collect(),
             deep_places: match distances.nodes_below(-CERTAINLY_INSIDE) {
-                deep if deep.is_empty() => joints.to_vec(),
+                deep if deep.is_empty() => joints.clone(),
                 deep => deep,
             },
+            skeleton,
+            condition,
+            joints,
             distances: Arc::new(distances),
             expressions,
             unseen: None,
@@ -144,11 +153,11 @@ impl<'a> CanonicalBody<'a> {
     fn weights(&self, count: usize, random: &mut ChaCha8Rng) -> Anchors<f32> {
         let joint_weights = WeightTargets {
             points: self.joints.iter().map(Vec3::to_array).collect(),
-            weights: (0..JOINTS).flat_map(joint_weights).collect(),
+            weights: (0..self.joints.len()).flat_map(|joint| self.skeleton.joint_weights(joint)).collect(),
         };
         let mut surface_weights = WeightTargets::default();
-        for _ in 0..count.min(self.hands_and_face.len()) {
-            let vertex = self.hands_and_face[random.random_range(0..self.hands_and_face.len())];
+        for _ in 0..count.min(self.fine.len()) {
+            let vertex = self.fine[random.random_range(0..self.fine.len())];
             self.add_vertex(vertex, &mut surface_weights);
         }
         let volume_weights = self.volume(count, random);
@@ -158,7 +167,7 @@ impl<'a> CanonicalBody<'a> {
 
     fn add_vertex(&self, vertex: usize, targets: &mut WeightTargets<f32>) {
         targets.points.push(self.vertices[vertex]);
-        targets.weights.extend_from_slice(&self.weights[vertex * JOINTS..(vertex + 1) * JOINTS]);
+        targets.weights.extend_from_slice(self.weights_of(vertex));
     }
 
     /// Points around the body and below its surface, with the weights of the nearest place on the surface.
@@ -173,9 +182,10 @@ impl<'a> CanonicalBody<'a> {
             }
         };
         let points: Vec<Vec3> = (0..count).map(&mut draw).collect();
+        let joints = self.joints.len();
         let weights = body.solid.surface().closest_to_each(&points).into_iter().flat_map(|closest| {
-            let corners = body.mesh.faces[closest.face as usize].map(|vertex| vertex as usize * JOINTS);
-            std::array::from_fn::<f32, JOINTS, _>(|joint| {
+            let corners = body.mesh.faces[closest.face as usize].map(|vertex| vertex as usize * joints);
+            (0..joints).map(move |joint| -> f32 {
                 corners.iter().zip(closest.barycentric).map(|(start, share)| share * self.weights[start + joint]).sum()
             })
         });
@@ -223,10 +233,10 @@ impl<'a> CanonicalBody<'a> {
     pub fn batch(&self, config: &Config, random: &mut ChaCha8Rng) -> CanonicalBatch<f32> {
         let body = &self.expressions[random.random_range(0..self.expressions.len())];
         let settings = &config.sampling;
-        let mut batch = CanonicalBatch { bones: vec![IDENTITY; JOINTS], ..CanonicalBatch::default() };
-        let angles = CONDITION - body.expression.len();
+        let mut batch = CanonicalBatch { bones: vec![IDENTITY; self.joints.len()], ..CanonicalBatch::default() };
+        let angles = self.condition.angles();
         batch.condition.extend((0..angles).map(|_| POSE_SPREAD * random.sample::<f32, _>(StandardNormal)));
-        batch.condition.extend(body.expression);
+        batch.condition.extend(&body.expression);
         batch.anchors = self.weights(PRETRAINING_WEIGHT_POINTS, random);
 
         let mut off = Vec::with_capacity(settings.points + settings.uniform_points);
@@ -273,9 +283,14 @@ impl<'a> CanonicalBody<'a> {
         &self.distances
     }
 
-    /// The canonical joints.
-    pub fn joints(&self) -> &[Vec3; JOINTS] {
-        &self.joints
+    /// What the geometry is told of a pose.
+    pub fn condition(&self) -> &Condition {
+        &self.condition
+    }
+
+    /// The skinning weights (J) of a vertex.
+    fn weights_of(&self, vertex: usize) -> &[f32] {
+        &self.weights[vertex * self.joints.len()..][..self.joints.len()]
     }
 }
 

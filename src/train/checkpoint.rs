@@ -1,7 +1,8 @@
 //! The whole state of a run, in one file: parameters, Adam's moments, where training stands.
 //!
-//! Written to a temporary name, synced and renamed; the newest few and the best are kept. Randomness needs no state of its own:
-//! every draw's generator is derived from (seed, step, frame).
+//! Written to a temporary name, synced and renamed; the newest few and the best are kept, and none goes before its successor is on
+//! the disk. One that was damaged there is noticed by its checksum, and the one before takes its place. Randomness needs no state of
+//! its own: every draw's generator is derived from (seed, step, frame).
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +10,7 @@ use xavatar_network::Adam;
 
 use super::engine::Learned;
 use crate::{Error, InputError, Result};
-use xavatar_formats::TensorFile;
+use xavatar_formats::{TensorFile, create_folder};
 
 const FOLDER: &str = "checkpoints";
 const BEST: &str = "best.safetensors";
@@ -63,14 +64,29 @@ fn to_file(learned: &Learned, progress: &Progress) -> TensorFile {
 }
 
 impl State {
-    /// Replaces the state by the one stored at `path`.
-    pub fn load(&mut self, path: &Path) -> Result<()> {
-        let file = TensorFile::read(path)?;
+    /// Replaces the state by the newest that a run has stored and that is not damaged, if there is one. Damaged ones are removed: they
+    /// are made again.
+    pub fn load_newest(&mut self, run: &Path) -> Result<()> {
+        for path in checkpoints(run)? {
+            match TensorFile::read(&path) {
+                Ok(file) => return self.load(&file, &path),
+                Err(damaged @ InputError::Malformed { .. }) => {
+                    log::warn!("{damaged}; going on from the checkpoint before");
+                    std::fs::remove_file(&path).map_err(InputError::io(&path))?;
+                }
+                Err(other) => return Err(other.into()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Replaces the state by the one in a file that was read at `path`.
+    fn load(&mut self, file: &TensorFile, path: &Path) -> Result<()> {
         let Learned { fields, adam, sampled_skinning } = &mut self.learned;
-        fields.load_from(&file)?;
+        fields.load_from(file)?;
         for (name, adam) in adam.as_mut().named() {
             let length = adam.first_moment.len();
-            let moment = |kind: &str| stored_vector(&file, path, &format!("{name}.adam.{kind}"), length);
+            let moment = |kind: &str| stored_vector(file, path, &format!("{name}.adam.{kind}"), length);
             *adam = Adam {
                 first_moment: moment("first")?,
                 second_moment: moment("second")?,
@@ -78,7 +94,7 @@ impl State {
             };
         }
         if file.tensors.contains_key(BAKED) {
-            *sampled_skinning = Some(stored_vector(&file, path, BAKED, fields.skinning.parameters().len())?);
+            *sampled_skinning = Some(stored_vector(file, path, BAKED, fields.skinning.parameters().len())?);
         }
         self.progress = Progress {
             pretraining_steps: file.parsed(path, "pretraining_steps")?,
@@ -94,7 +110,7 @@ impl State {
 /// Writes a checkpoint, then removes all but the newest `kept` and the best. Returns its path.
 pub(super) fn save(learned: &Learned, progress: &mut Progress, run: &Path, kept: usize) -> Result<PathBuf> {
     let folder = run.join(FOLDER);
-    std::fs::create_dir_all(&folder).map_err(InputError::io(&folder))?;
+    create_folder(&folder)?;
     let best = progress.running_loss < progress.best_loss;
     progress.best_loss = progress.best_loss.min(progress.running_loss);
     let file = to_file(learned, progress);

@@ -103,8 +103,10 @@ impl<'a> FrameStore<'a> {
         Ok(store)
     }
 
-    /// A frame that can be prepared can be trained on. Adds the vertices (V) that it shows to `seen`.
+    /// A frame that can be prepared can be trained on; its pose is resolved. Adds the vertices (V) that it shows to `seen`.
     fn check(&self, frame: CapturedFrame, seen: &mut [bool]) -> Result<CapturedFrame> {
+        let id = frame.id().to_string();
+        let frame = frame.resolved(self.body).map_err(|error| error.in_frame(id))?;
         let prepared = PreparedFrame::new(frame.clone(), self.body, self.labels, self.config)?;
         if let Supervision::Camera(view) = &prepared.supervision {
             view.add_seen_vertices(seen);

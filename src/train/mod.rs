@@ -18,6 +18,7 @@ mod frame_store;
 mod history;
 pub mod losses;
 mod metrics_log;
+mod part_shares;
 mod prepared;
 mod preview;
 mod record;

@@ -14,7 +14,6 @@ use super::curve::Curve;
 use super::drawn::PosedSamples;
 use super::prepared::{ScanSupervision, Source};
 use crate::config::{Config, SamplingStrategy};
-use crate::fields::part_label;
 use crate::mesh::SurfacePoint;
 
 struct OnSurface {
@@ -44,7 +43,7 @@ pub(super) fn draw(frame: &ScanSupervision, config: &Config, random: &mut ChaCha
             let deviation = if wide { settings.wide_deviation } else { settings.deviation };
             let noise = Vec3::from_array(std::array::from_fn(|_| random.sample(StandardNormal)));
             let off = position + deviation * noise;
-            drawn.push(OnSurface { source: region.source, label: part_label(label), place, off });
+            drawn.push(OnSurface { source: region.source, label: label.0, place, off });
         }
     }
     // Neighbours in space are then neighbours in every search that follows.
@@ -82,7 +81,7 @@ pub(super) fn draw(frame: &ScanSupervision, config: &Config, random: &mut ChaCha
         .collect();
     let far: Vec<_> = uniform
         .par_iter()
-        .map(|point| (target(Source::Scan, *point, truncation), part_label(frame.registration.nearest(*point).0)))
+        .map(|point| (target(Source::Scan, *point, truncation), frame.registration.nearest(*point).0.0))
         .collect();
 
     let mut samples = PosedSamples::default();

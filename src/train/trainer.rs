@@ -14,7 +14,7 @@ use xavatar_network::{AdamSettings, ParameterGroup};
 
 use super::canonical_body::CanonicalBody;
 use super::captured::TrainingFrames;
-use super::checkpoint::{self, Progress, State, checkpoints};
+use super::checkpoint::{self, Progress, State};
 use super::drawn::generator;
 use super::engine::{CpuEngine, Engine, EngineInput, Learned, Outcome};
 use super::epochs::Epochs;
@@ -109,10 +109,10 @@ impl<'a> Trainer<'a> {
         Config::read(&run.join(CONFIG))
     }
 
-    /// Continues a run from its newest checkpoint; from the start if it had none yet.
+    /// Continues a run from its newest checkpoint that is not damaged; from the start if it had none yet.
     ///
     /// # Errors
-    /// If a checkpoint cannot be read; delete it to continue from the one before.
+    /// If a checkpoint cannot be read, or is of another configuration.
     pub fn resume(
         config: &'a Config,
         frames: TrainingFrames,
@@ -134,29 +134,21 @@ impl<'a> Trainer<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Self> {
         let started = Instant::now();
-        let mut canonical = CanonicalBody::new(body, labels, &frames.betas(), config)?;
+        let mut canonical = CanonicalBody::new(body, labels, frames.betas(), config)?;
         let bounds = canonical.bounds();
-        let poser = Poser::for_training(config, body, labels, &frames.betas(), bounds)?;
-        let mut fields = Fields::new(&config.fields, poser.initial_skinning(body)?, bounds)?;
+        let poser = Poser::for_training(config, body, labels, frames.betas(), bounds)?;
+        let mut fields = Fields::new(&config.fields, canonical.condition(), poser.initial_skinning(body)?, bounds)?;
         fields.initialise(config.seed);
         let progress = Progress { running_loss: f64::INFINITY, best_loss: f64::INFINITY, ..Progress::default() };
         let mut state = State { learned: Learned::new(fields), progress };
-        if let Some(newest) = checkpoints(run)?.first() {
-            state.load(newest)?;
-        }
+        state.load_newest(run)?;
         let State { learned, progress } = state;
         let follows_weights = learned.fields.skinning.follows_weights();
         let distances = canonical.distances().clone();
         let engine = CpuEngine::new(EngineInput { config: config.clone(), poser, distances, learned })?;
         let store = FrameStore::open(config, frames, body, labels, run, observer)?;
         canonical.stand_in(store.seen_vertices());
-        let subject = Subject {
-            gender: frames.gender(),
-            betas: frames.betas(),
-            joints: canonical.joints().to_vec(),
-            bounds,
-            frames: store.len(),
-        };
+        let subject = Subject::of(body, frames.gender(), frames.betas(), bounds, store.len())?;
         let epochs = Epochs { config, frames: store, canonical: Arc::new(canonical), follows_weights, ahead: None };
         Ok(Self {
             metrics: MetricsLog::open(run, (progress.pretraining_steps + progress.steps) as usize)?,
@@ -348,9 +340,10 @@ impl<'a> Trainer<'a> {
             self.complete(outcome, observer)?;
         }
         self.progress.seconds = self.seconds();
+        // Before the checkpoint they belong to: a run that resumes from it finds all of its steps noted, whenever the power fails.
+        self.metrics.sync()?;
         let learned = self.engine.learned()?;
         let path = checkpoint::save(learned, &mut self.progress, &self.run, self.config.schedule.checkpoints_kept)?;
-        self.metrics.sync()?;
         observer.event(Event::Checkpoint { path: &path });
         Ok(())
     }
@@ -358,11 +351,11 @@ impl<'a> Trainer<'a> {
     /// The first frame beside the avatar in the same pose.
     fn preview(&mut self, observer: &mut dyn Observer) -> Result<()> {
         let frame = self.epochs.frames.read(0)?;
-        let extracted =
-            match self.avatar()?.extract_posed(self.body, self.labels, frame.parameters(), PREVIEW_RESOLUTION) {
-                Err(Error::NoSurface { .. }) => return Ok(()),
-                extracted => extracted?,
-            };
+        let pose = self.body.resolve(frame.parameters())?;
+        let extracted = match self.avatar()?.extract_posed(self.body, self.labels, &pose, PREVIEW_RESOLUTION) {
+            Err(Error::NoSurface { .. }) => return Ok(()),
+            extracted => extracted?,
+        };
         let folder = self.run.join(PREVIEWS);
         fs::create_dir_all(&folder).map_err(InputError::io(&folder))?;
         let path = folder.join(format!("step-{:08}.png", self.progress.steps));

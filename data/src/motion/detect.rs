@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Motion, Onto, amass, bvh, grab, named, own};
 use crate::xhumans::{motion_files, parameters_of};
-use xavatar_body::BodyParameters;
+use xavatar_body::smplx;
 use xavatar_formats::{ArrayMap, Error, Result, excerpt, open_file, read_npz, read_pickle_arrays};
 
 /// Bytes that tell what a file is.
@@ -128,7 +128,7 @@ fn read_xhumans_frame(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     Ok(xhumans_motion(path, vec![parameters_of(path, arrays)?]))
 }
 
-fn xhumans_motion(source: &Path, frames: Vec<BodyParameters>) -> Motion {
+fn xhumans_motion(source: &Path, frames: Vec<smplx::Parameters>) -> Motion {
     Motion {
         frames,
         source: format!("{} (X-Humans frames)", source.display()),

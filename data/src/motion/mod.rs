@@ -20,7 +20,7 @@ mod timing;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use xavatar_body::BodyParameters;
+use xavatar_body::smplx;
 use xavatar_formats::Result;
 
 pub use clip::{Clip, MotionOptions};
@@ -32,7 +32,7 @@ pub use rest::RestPose;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
     /// The parameters of each frame (T), at least one.
-    pub frames: Vec<BodyParameters>,
+    pub frames: Vec<smplx::Parameters>,
     /// How fast the frames follow each other, if the source says.
     pub frames_per_second: Option<f32>,
     /// The axis that points up.

@@ -27,9 +27,9 @@ pub(super) struct Layout {
 
 /// The subject's shape: the numbers, or an npy file of them.
 #[derive(Deserialize, Serialize)]
-#[serde(untagged, expecting = "`betas` has to be 10 numbers or the name of an npy file")]
+#[serde(untagged, expecting = "`betas` has to be numbers or the name of an npy file")]
 pub(super) enum Shape {
-    Numbers([f32; 10]),
+    Numbers(Vec<f32>),
     File(PathBuf),
 }
 

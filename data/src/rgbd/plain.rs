@@ -24,7 +24,7 @@ const CAMERA_FILES: [&str; 3] = ["cameras.npz", "cameras.toml", "cameras.json"];
 pub(super) fn open(folder: &Path) -> Result<RgbdSubject> {
     let layout = Layout::read(folder)?;
     let betas = match &layout.betas {
-        Shape::Numbers(betas) => *betas,
+        Shape::Numbers(betas) => betas.clone(),
         Shape::File(file) => mean_shape(&folder.join(file))?,
     };
     let mut subject =

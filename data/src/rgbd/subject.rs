@@ -9,7 +9,7 @@ use super::layout::Layout;
 use super::{plain, recordings, xhumans};
 use crate::FrameId;
 use crate::xhumans::parameters_of;
-use xavatar_body::{BodyParameters, Gender};
+use xavatar_body::{Gender, smplx};
 use xavatar_formats::{Choice, Error, Remedy, Result, read_pickle_arrays, read_picture};
 
 /// A mask's pixel shows the subject from this value on.
@@ -23,7 +23,7 @@ pub struct RgbdSubject {
     /// Which body model fits the subject.
     pub gender: Gender,
     /// Shape coefficients beta, common to all frames.
-    pub betas: [f32; 10],
+    pub betas: Vec<f32>,
     /// Training frames, by sequence and number.
     pub train: Vec<RgbdFiles>,
     /// Test frames, by sequence and number.
@@ -58,7 +58,7 @@ pub(super) enum RegistrationFile {
     /// An X-Humans parameter file, which may be missing.
     XHumans(PathBuf),
     /// Read already, with those of the whole sequence.
-    Read(Box<BodyParameters>),
+    Read(Box<smplx::Parameters>),
 }
 
 impl RgbdSubject {
@@ -110,7 +110,7 @@ impl RgbdSubject {
         RgbdFrames {
             ids: files.iter().map(|files| files.id.clone()).collect(),
             files: files.to_vec(),
-            betas: self.betas,
+            betas: self.betas.clone(),
             gender: self.gender,
         }
     }
@@ -121,7 +121,7 @@ impl RgbdSubject {
 pub struct RgbdFrames {
     files: Vec<RgbdFiles>,
     ids: Vec<FrameId>,
-    betas: [f32; 10],
+    betas: Vec<f32>,
     gender: Gender,
 }
 
@@ -134,8 +134,8 @@ impl RgbdSource for RgbdFrames {
         self.files[index].read(&self.betas)
     }
 
-    fn betas(&self) -> [f32; 10] {
-        self.betas
+    fn betas(&self) -> &[f32] {
+        &self.betas
     }
 
     fn gender(&self) -> Gender {
@@ -157,7 +157,7 @@ impl RgbdFiles {
     /// # Errors
     /// [`Error::Frame`] naming the frame and, inside, the file: missing, damaged, of another size than the colour picture,
     /// without a camera, or without any depth of the subject.
-    pub fn read(&self, betas: &[f32; 10]) -> Result<RgbdFrame> {
+    pub fn read(&self, betas: &[f32]) -> Result<RgbdFrame> {
         let read = self.read_raw(betas).and_then(|raw| self.interpret(raw));
         read.map_err(|error| error.in_frame(self.id.to_string()))
     }
@@ -173,7 +173,7 @@ impl RgbdFiles {
     }
 
     /// Everything but the meaning of the depths, with all sizes agreed. Errors do not name the frame.
-    pub(super) fn read_raw(&self, betas: &[f32; 10]) -> Result<RawFrame> {
+    pub(super) fn read_raw(&self, betas: &[f32]) -> Result<RawFrame> {
         must_exist(&self.colour, "the frame's colour picture")?;
         must_exist(&self.depth, "the frame's depth picture")?;
         let colour = read_picture(&self.colour)?.into_rgb8();
@@ -198,14 +198,14 @@ impl RgbdFiles {
             colour,
             depth: Vec::new(),
             mask: mask.transpose()?,
-            parameters: BodyParameters { betas: *betas, ..self.parameters()? },
+            parameters: smplx::Parameters { betas: betas.to_vec(), ..self.parameters()? }.into(),
         };
         Ok(RawFrame { depth, frame })
     }
 
-    fn parameters(&self) -> Result<BodyParameters> {
+    fn parameters(&self) -> Result<smplx::Parameters> {
         match &self.registration {
-            RegistrationFile::Read(parameters) => Ok(BodyParameters::clone(parameters)),
+            RegistrationFile::Read(parameters) => Ok(smplx::Parameters::clone(parameters)),
             RegistrationFile::XHumans(path) => {
                 must_exist(path, "the frame's SMPL-X parameters")?;
                 parameters_of(path, &read_pickle_arrays(path)?)

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use image::RgbImage;
 
-use crate::fields::{Fields, rotations};
+use crate::fields::Fields;
 use crate::{FrameFiles, ScanFrame};
-use xavatar_body::{BodyParameters, HandPose};
+use xavatar_body::{HandPose, smplx};
 use xavatar_formats::{ArrayData, ArrayMap, Error, Result, Value, read_pickle, read_pickle_arrays};
 use xavatar_mesh::{Colouring, ReadMesh, TriangleMesh, read_mesh};
 
@@ -21,7 +21,7 @@ const FORMAT: &str = "X-Humans frame";
 /// # Errors
 /// [`Error::Frame`] naming the frame and, inside, the file: [`Error::Missing`], [`Error::Malformed`],
 /// [`Error::Mismatch`] for an empty scan, or [`Error::Refused`].
-pub fn read_frame(files: &FrameFiles, betas: &[f32; 10]) -> Result<ScanFrame> {
+pub fn read_frame(files: &FrameFiles, betas: &[f32]) -> Result<ScanFrame> {
     let read = || {
         let ReadMesh { mesh: scan, notes } = match &files.atlas {
             Some(atlas) => ReadMesh { mesh: textured_scan(&files.scan, atlas)?, notes: Vec::new() },
@@ -41,31 +41,16 @@ pub fn read_frame(files: &FrameFiles, betas: &[f32; 10]) -> Result<ScanFrame> {
         }
         must_exist(&files.parameters, "the frame's SMPL-X parameters")?;
         let arrays = read_pickle_arrays(&files.parameters)?;
-        let parameters = BodyParameters { betas: *betas, ..parameters_of(&files.parameters, &arrays)? };
-        Ok(ScanFrame { id: files.id.clone(), scan, parameters, notes })
+        let parameters = smplx::Parameters { betas: betas.to_vec(), ..parameters_of(&files.parameters, &arrays)? };
+        Ok(ScanFrame { id: files.id.clone(), scan, parameters: parameters.into(), notes })
     };
     read().map_err(|error: Error| error.in_frame(files.id.to_string()))
 }
 
-/// The registered parameters of a frame; shape is left at zero.
-pub(crate) fn parameters_of(path: &Path, arrays: &ArrayMap) -> Result<BodyParameters> {
+/// The registered parameters of a frame, hands relative to the mean hand; shape is left out.
+pub(crate) fn parameters_of(path: &Path, arrays: &ArrayMap) -> Result<smplx::Parameters> {
     let fields = Fields { path, format: FORMAT, arrays };
-    let [global_orient] = rotations(&fields.vector::<3>("global_orient")?);
-    let [jaw_pose] = rotations(&fields.vector::<3>("jaw_pose")?);
-    let [left_eye_pose] = rotations(&fields.vector::<3>("leye_pose")?);
-    let [right_eye_pose] = rotations(&fields.vector::<3>("reye_pose")?);
-    Ok(BodyParameters {
-        betas: [0.0; 10],
-        expression: fields.vector("expression")?,
-        global_orient,
-        body_pose: rotations(&fields.vector::<63>("body_pose")?),
-        jaw_pose,
-        left_eye_pose,
-        right_eye_pose,
-        left_hand_pose: HandPose::RelativeToMean(rotations(&fields.vector::<45>("left_hand_pose")?)),
-        right_hand_pose: HandPose::RelativeToMean(rotations(&fields.vector::<45>("right_hand_pose")?)),
-        transl: fields.vector::<3>("transl")?.into(),
-    })
+    smplx::Parameters::from_named(|name, count| fields.numbers(name, count), HandPose::RelativeToMean)
 }
 
 /// A raw scan: `vertices` (V, 3), `normals` (V, 3), `uvs` (V, 2), `faces` (F, 3), and its atlas (height, width, 3).

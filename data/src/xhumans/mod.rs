@@ -39,7 +39,7 @@ pub struct Subject {
     /// Which body model fits the subject.
     pub gender: Gender,
     /// Shape coefficients beta, common to all frames.
-    pub betas: [f32; 10],
+    pub betas: Vec<f32>,
     /// Training frames, by sequence and number.
     pub train: Vec<FrameFiles>,
     /// Test frames, by sequence and number.
@@ -53,7 +53,7 @@ impl Subject {
     ///
     /// # Errors
     /// [`Error::Missing`] if the folder, the gender or shape file or every frame is missing; [`Error::Mismatch`] or
-    /// [`Error::Malformed`] if the gender is none of the three or the mean shape is not 10 finite numbers.
+    /// [`Error::Malformed`] if the gender is none of the three or the mean shape is no list of finite numbers.
     pub fn open(folder: impl AsRef<Path>) -> Result<Self> {
         let folder = folder.as_ref();
         let Common { gender, betas } = Common::read(folder)?;
@@ -78,7 +78,7 @@ impl Subject {
 /// What is common to a subject's frames, scans or pictures.
 pub(super) struct Common {
     pub(super) gender: Gender,
-    pub(super) betas: [f32; 10],
+    pub(super) betas: Vec<f32>,
 }
 
 impl Common {
@@ -108,7 +108,7 @@ impl Common {
     }
 }
 
-pub(super) fn mean_shape(path: &Path) -> Result<[f32; 10]> {
+pub(super) fn mean_shape(path: &Path) -> Result<Vec<f32>> {
     if !path.exists() {
         return Err(Error::Missing {
             path: path.into(),
@@ -118,11 +118,11 @@ pub(super) fn mean_shape(path: &Path) -> Result<[f32; 10]> {
     }
     let array = read_npy(path)?;
     let betas = array.to_f32().filter(|values| values.iter().all(|value| value.is_finite()));
-    betas.and_then(|values| values.try_into().ok()).ok_or_else(|| Error::Mismatch {
+    betas.filter(|values| !values.is_empty()).ok_or_else(|| Error::Mismatch {
         path: path.into(),
         found: array.description(),
-        expected: "10 finite shape coefficients".into(),
-        remedy: "use the shape of the 10-coefficient SMPL-X model".into(),
+        expected: "finite shape coefficients".into(),
+        remedy: "use the shape that the frames were registered with".into(),
     })
 }
 

@@ -5,7 +5,7 @@ use xavatar_deformer::StartGroups;
 
 use super::{Kind, Skinning};
 use crate::Result;
-use crate::body::{BodyModel, PartLabels};
+use crate::body::{BodyModel, PartLabels, Skeleton};
 use crate::config::{SkinningSettings, SkinningShape, Starts};
 use crate::fields::{CanonicalGrid, start_groups, union_start_groups};
 
@@ -24,7 +24,7 @@ impl SkinningBinding {
     ///
     /// # Errors
     /// If the grid's spacing is out of range.
-    pub fn new(settings: &SkinningSettings, body: &BodyModel, labels: &PartLabels, betas: &[f32; 10]) -> Result<Self> {
+    pub fn new(settings: &SkinningSettings, body: &BodyModel, labels: &PartLabels, betas: &[f32]) -> Result<Self> {
         Ok(Self(match settings {
             SkinningSettings::Network(shape) => Bound::Network(shape.clone()),
             SkinningSettings::Voxels(shape) => Bound::Grid(Box::new(CanonicalGrid::new(body, labels, betas, *shape)?)),
@@ -37,7 +37,7 @@ impl SkinningBinding {
     /// If an extent is out of range, or a place on the body has no weights.
     pub fn initial(&self, body: &BodyModel) -> Result<Skinning<f32>> {
         match &self.0 {
-            Bound::Network(shape) => Skinning::network(shape),
+            Bound::Network(shape) => Skinning::network(shape, body.skeleton()),
             Bound::Grid(grid) => Ok(Skinning::grid(grid.skinning(body)?)),
         }
     }
@@ -46,11 +46,11 @@ impl SkinningBinding {
     ///
     /// # Errors
     /// As [`start_groups`].
-    pub fn training_groups(&self, starts: Starts) -> Result<StartGroups> {
+    pub fn training_groups(&self, starts: Starts, skeleton: &Skeleton) -> Result<StartGroups> {
         match &self.0 {
-            Bound::Network(_) => start_groups(starts),
+            Bound::Network(_) => start_groups(starts, skeleton),
             // Pruned starts cost little: a point beside a hand finds the hand's root, and the body's.
-            Bound::Grid(_) => union_start_groups(starts),
+            Bound::Grid(_) => union_start_groups(starts, skeleton),
         }
     }
 

@@ -21,13 +21,8 @@ pub use gradient::{SkinningGradient, SummedSkinning};
 pub use warp::PosedWarp;
 
 use crate::Result;
-use crate::body::PARENTS;
+use crate::body::Skeleton;
 use crate::config::{SearchedField, SkinningShape};
-
-/// The SMPL-X kinematic tree, for [`Skinning::network`].
-pub fn skeleton_parents() -> Vec<Option<usize>> {
-    PARENTS.iter().enumerate().map(|(joint, parent)| (joint > 0).then_some(*parent)).collect()
-}
 
 /// The field of skinning weights.
 #[derive(Clone, Debug)]
@@ -42,12 +37,12 @@ enum Kind<T> {
 }
 
 impl<T: Real> Skinning<T> {
-    /// A network over the SMPL-X skeleton, all parameters zero.
+    /// A network over a skeleton, all parameters zero.
     ///
     /// # Errors
     /// If an extent is out of range.
-    pub fn network(shape: &SkinningShape) -> Result<Self> {
-        let tree = KinematicTree::new(&skeleton_parents())?;
+    pub fn network(shape: &SkinningShape, skeleton: &Skeleton) -> Result<Self> {
+        let tree = KinematicTree::new(&skeleton.parents)?;
         let field = SkinningField::new(tree, shape.depth, shape.width, shape.frequencies, shape.blend.into())?;
         Ok(Self(Kind::Network(field)))
     }

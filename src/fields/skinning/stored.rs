@@ -6,7 +6,7 @@ use xavatar_deformer::{Axis, Grid, VoxelSkinning};
 use xavatar_formats::TensorFile;
 
 use super::{Kind, Skinning};
-use crate::body::JOINTS;
+use crate::body::Skeleton;
 use crate::config::SkinningSettings;
 use crate::fields::stored::{insert_network, load_network};
 use crate::{Error, InputError, Result};
@@ -27,11 +27,16 @@ impl Skinning<f32> {
         }
     }
 
-    /// A field of these settings for [`Skinning::load_from`]: a network of zeros, or the grid that is stored in the file at `path`.
-    pub(crate) fn stored(settings: &SkinningSettings, file: &TensorFile, path: &Path) -> Result<Self> {
+    /// A field of these settings over a skeleton for [`Skinning::load_from`]: a network of zeros, or the grid that is stored in the file at `path`.
+    pub(crate) fn stored(
+        settings: &SkinningSettings,
+        skeleton: &Skeleton,
+        file: &TensorFile,
+        path: &Path,
+    ) -> Result<Self> {
         match settings {
-            SkinningSettings::Network(shape) => Self::network(shape),
-            SkinningSettings::Voxels(_) => Ok(Self::grid(read_grid(file, path)?)),
+            SkinningSettings::Network(shape) => Self::network(shape, skeleton),
+            SkinningSettings::Voxels(_) => Ok(Self::grid(read_grid(skeleton.joints.len(), file, path)?)),
         }
     }
 
@@ -68,7 +73,7 @@ fn insert_grid(file: &mut TensorFile, field: &VoxelSkinning<f32>) {
     insert(LOGITS, field.parameters().to_vec());
 }
 
-fn read_grid(file: &TensorFile, path: &Path) -> Result<VoxelSkinning<f32>> {
+fn read_grid(joints: usize, file: &TensorFile, path: &Path) -> Result<VoxelSkinning<f32>> {
     let broken = |name: &str| {
         Error::from(InputError::Malformed {
             path: path.into(),
@@ -90,5 +95,5 @@ fn read_grid(file: &TensorFile, path: &Path) -> Result<VoxelSkinning<f32>> {
         }
         rows.push(row);
     }
-    Ok(VoxelSkinning::from_logits(grid, JOINTS, &rows, values(LOGITS)?.to_vec())?)
+    Ok(VoxelSkinning::from_logits(grid, joints, &rows, values(LOGITS)?.to_vec())?)
 }

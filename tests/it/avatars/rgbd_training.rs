@@ -21,7 +21,7 @@ const FRAMES: usize = 4;
 struct Filmed {
     frames: Vec<RgbdFrame>,
     ids: Vec<FrameId>,
-    betas: [f32; 10],
+    betas: Vec<f32>,
 }
 
 impl Filmed {
@@ -29,7 +29,7 @@ impl Filmed {
         let film = |index: usize| {
             let scan = subject.frame(Split::Train, index, FRAMES).unwrap();
             let angle = std::f32::consts::TAU * index as f32 / FRAMES as f32;
-            let centre = scan.parameters.transl + Vec3::Y * 0.9;
+            let centre = scan.parameters.translation() + Vec3::Y * 0.9;
             let position = centre + 4.0 * Vec3::new(angle.sin(), 0.0, angle.cos());
             let camera = PinholeCamera::looking_at(position, centre, 0.6, [240, 320]).unwrap();
             let image = render_rgbd(&scan.scan, &camera).unwrap();
@@ -44,7 +44,7 @@ impl Filmed {
             }
         };
         let frames: Vec<_> = (0..FRAMES).map(film).collect();
-        Self { ids: frames.iter().map(|frame| frame.id.clone()).collect(), frames, betas: subject.betas() }
+        Self { ids: frames.iter().map(|frame| frame.id.clone()).collect(), frames, betas: subject.betas().to_vec() }
     }
 }
 
@@ -61,8 +61,8 @@ impl RgbdSource for Filmed {
         })
     }
 
-    fn betas(&self) -> [f32; 10] {
-        self.betas
+    fn betas(&self) -> &[f32] {
+        &self.betas
     }
 
     fn gender(&self) -> Gender {
@@ -164,7 +164,7 @@ fn the_published_losses_train_too() {
 #[test]
 fn presets_are_for_one_kind_of_frames() {
     let subject = BuiltInSubject::new().unwrap();
-    let film = Filmed { frames: Vec::new(), ids: Vec::new(), betas: subject.betas() };
+    let film = Filmed { frames: Vec::new(), ids: Vec::new(), betas: subject.betas().to_vec() };
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     let config = Config::preset("demo").unwrap();

@@ -3,13 +3,17 @@
 use glam::Vec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use xavatar::body::JOINTS;
+use xavatar::body::smplx;
 use xavatar::config::{Config, FieldSettings, LossSettings, SkinningSettings, SkinningShape};
-use xavatar::fields::{CONDITION, Fields, Skinning};
+use xavatar::fields::{Condition, Fields, Skinning};
 use xavatar::train::losses::{Anchors, CanonicalBatch, LossEvaluator, WeightTargets};
 use xavatar_network::{GeometryShape, Representation, TextureShape};
 
 const STEP: f64 = 1e-6;
+
+fn condition() -> Condition {
+    Condition::new(smplx::skeleton(), smplx::EXPRESSIONS)
+}
 
 /// Sets one parameter of one field.
 type Change = fn(&mut Fields<f64>, usize, f64);
@@ -19,7 +23,8 @@ fn points(random: &mut ChaCha8Rng, count: usize) -> Vec<[f64; 3]> {
 }
 
 fn weights(random: &mut ChaCha8Rng, count: usize) -> WeightTargets<f64> {
-    let weights = (0..count * JOINTS).map(|_| random.random::<f64>() / JOINTS as f64).collect();
+    let joints = smplx::skeleton().joints.len();
+    let weights = (0..count * joints).map(|_| random.random::<f64>() / joints as f64).collect();
     WeightTargets { points: points(random, count), weights }
 }
 
@@ -35,8 +40,8 @@ fn batch(random: &mut ChaCha8Rng) -> CanonicalBatch<f64> {
         [cos, -sin, 0.0, 0.01 * joint as f64, sin, cos, 0.0, 0.1, 0.0, 0.0, 1.0, -0.05]
     };
     CanonicalBatch {
-        condition: (0..CONDITION).map(|_| random.random_range(-0.5..0.5)).collect(),
-        bones: (0..JOINTS).map(bone).collect(),
+        condition: (0..condition().width()).map(|_| random.random_range(-0.5..0.5)).collect(),
+        bones: (0..smplx::skeleton().joints.len()).map(bone).collect(),
         off_points: points(random, 12),
         off_targets: (0..12).map(|_| random.random_range(-0.5..0.5)).collect(),
         on_points: points(random, 9),
@@ -80,8 +85,8 @@ fn gradients_match_differences() {
         ..Config::preset("demo").unwrap().losses
     };
     let mut random = ChaCha8Rng::seed_from_u64(11);
-    let mut fields =
-        Fields::<f64>::new(&settings, Skinning::network(&skinning).unwrap(), (Vec3::NEG_ONE, Vec3::ONE)).unwrap();
+    let skinning = Skinning::network(&skinning, smplx::skeleton()).unwrap();
+    let mut fields = Fields::<f64>::new(&settings, &condition(), skinning, (Vec3::NEG_ONE, Vec3::ONE)).unwrap();
     fields.initialise(11);
     let batch = batch(&mut random);
     let share = 0.5;

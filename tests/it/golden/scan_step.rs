@@ -5,8 +5,9 @@ use std::collections::HashMap;
 
 use candle_core::{DType, Device, Tensor};
 use glam::Vec3;
+use xavatar::body::smplx;
 use xavatar::config::{Config, FieldSettings, SkinningSettings, SkinningShape};
-use xavatar::fields::{CONDITION, Fields, PerField, Skinning, skeleton_parents};
+use xavatar::fields::{Condition, Fields, PerField, Skinning};
 use xavatar::train::losses::{Anchors, CanonicalBatch, LossEvaluator, WeightTargets};
 use xavatar_network::{GeometryShape, KinematicTree, ParameterLayout, Representation, SkinningField, TextureShape};
 
@@ -32,7 +33,7 @@ impl Golden {
 }
 
 fn layout_of_skinning(shape: &SkinningShape) -> ParameterLayout {
-    let tree = KinematicTree::new(&skeleton_parents()).unwrap();
+    let tree = KinematicTree::new(&smplx::skeleton().parents).unwrap();
     let field = SkinningField::<f64>::new(tree, shape.depth, shape.width, shape.frequencies, shape.blend.into());
     field.unwrap().mlp().layout().clone()
 }
@@ -49,8 +50,9 @@ fn losses_and_gradients_match() {
         skinning: SkinningSettings::Network(skinning.clone()),
         condition_dropout: 0.0,
     };
-    let mut fields =
-        Fields::<f64>::new(&settings, Skinning::network(&skinning).unwrap(), (Vec3::NEG_ONE, Vec3::ONE)).unwrap();
+    let condition = Condition::new(smplx::skeleton(), smplx::EXPRESSIONS);
+    let learned = Skinning::network(&skinning, smplx::skeleton()).unwrap();
+    let mut fields = Fields::<f64>::new(&settings, &condition, learned, (Vec3::NEG_ONE, Vec3::ONE)).unwrap();
     let layouts = PerField {
         geometry: ("shape", fields.geometry.mlp.layout().clone()),
         texture: ("texture", fields.texture.mlp.layout().clone()),
@@ -84,7 +86,7 @@ fn losses_and_gradients_match() {
         },
         implicit_gradient: true,
     };
-    assert_eq!(batch.condition.len(), CONDITION);
+    assert_eq!(batch.condition.len(), condition.width());
     let losses = Config::preset("paper-scan").unwrap().losses;
 
     for threads in [1, 3] {

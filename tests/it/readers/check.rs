@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use glam::Vec3;
-use xavatar::body::{Gender, HandPose, PoseAxisAngle};
+use xavatar::body::{BodyParameters, Gender, HandPose, PoseAxisAngle, smplx};
 use xavatar::data::{CheckReport, ScanFrame, Subject, check, write_subject};
 use xavatar::synthetic::{BuiltInSubject, Split};
 
@@ -28,7 +28,12 @@ fn write_changed(folder: &Path, change: impl Fn(&mut ScanFrame)) {
         change(&mut frame);
         Ok(frame)
     });
-    write_subject(folder, Gender::Neutral, &SUBJECT.betas(), frames).unwrap();
+    write_subject(folder, Gender::Neutral, SUBJECT.betas(), frames).unwrap();
+}
+
+fn smplx_parameters(frame: &mut ScanFrame) -> &mut smplx::Parameters {
+    let BodyParameters::Smplx(parameters) = &mut frame.parameters else { panic!("the layout's parameters") };
+    parameters
 }
 
 fn report(folder: &Path) -> CheckReport {
@@ -70,7 +75,7 @@ fn the_other_hand_convention_is_recognised() {
         }))
     };
     let report = report_after(|frame| {
-        let parameters = &mut frame.parameters;
+        let parameters = smplx_parameters(frame);
         parameters.left_hand_pose = absolute(&parameters.left_hand_pose, &mean("hands_meanl"));
         parameters.right_hand_pose = absolute(&parameters.right_hand_pose, &mean("hands_meanr"));
     });
@@ -80,7 +85,7 @@ fn the_other_hand_convention_is_recognised() {
 
 #[test]
 fn a_registration_of_something_else_is_a_problem() {
-    let report = report_after(|frame| frame.parameters.transl.x += 1.0);
+    let report = report_after(|frame| smplx_parameters(frame).transl.x += 1.0);
     assert!(report.problems.iter().any(|problem| problem.contains("from the registered body")), "{report:#?}");
 }
 

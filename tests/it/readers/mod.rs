@@ -6,6 +6,7 @@ mod hostile_files;
 mod meshes;
 mod motion;
 mod motion_bvh;
+mod mutated_files;
 mod official;
 mod pickle;
 mod rgbd;

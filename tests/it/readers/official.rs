@@ -10,7 +10,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use safetensors::SafeTensors;
 use xavatar::avatar::{Avatar, OfficialMeta};
-use xavatar::body::{BodyModel, BodyParameters, Gender, PoseAxisAngle};
+use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::formats::{Array, ArrayData, ArrayMap, Value, read_npz, read_torch, write_npz};
 use xavatar::{Error, InputError};
 use xavatar_network::{Representation, SkinningTrace, TextureField, Trace};
@@ -84,7 +84,8 @@ fn networks_answer_as_in_pytorch() {
 #[test]
 fn points_are_queried_one_by_one() {
     let avatar = imported("scan.pth");
-    let pose = BodyParameters { jaw_pose: PoseAxisAngle(Vec3::X * 0.2), expression: [0.5; 10], ..Default::default() };
+    let mut pose = Pose { expression: vec![0.5; 10], ..smplx::skeleton().rest_pose() };
+    pose.rotations[22] = PoseAxisAngle(Vec3::X * 0.2);
     let points = [Vec3::new(0.3, -0.2, 0.4), Vec3::new(-0.5, 0.6, 0.1), Vec3::new(1.0, 1.0, -1.0)];
     let samples = avatar.query(&points, &pose).unwrap();
     let value = |point: Vec3| f64::from(avatar.query(&[point], &pose).unwrap()[0].value);

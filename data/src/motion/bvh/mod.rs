@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Motion, RestPose};
-use xavatar_body::JOINT_NAMES;
+use xavatar_body::smplx;
 use xavatar_formats::{Error, Result, read_bytes};
 
 const FORMAT: &str = "BVH motion";
@@ -59,5 +59,5 @@ fn bone_names(joints: &[parse::Joint]) -> String {
 
 /// The joints' names, joined, of some of SMPL-X's.
 fn joint_names(joints: impl Iterator<Item = usize>) -> Vec<&'static str> {
-    joints.map(|joint| JOINT_NAMES[joint]).collect()
+    joints.map(|joint| smplx::skeleton().joints[joint].as_str()).collect()
 }
