@@ -153,6 +153,11 @@ impl BodyModel {
         &self.skinning_weights
     }
 
+    /// Principal components of the left and the right hand's pose, one a row.
+    pub fn hand_components(&self) -> [&[[f32; HAND_COMPONENTS]]; 2] {
+        [&self.left_hand.components, &self.right_hand.components]
+    }
+
     /// The mesh with these vertex positions (V), without colour.
     pub fn mesh(&self, vertices: Vec<Vec3>) -> TriangleMesh {
         TriangleMesh { vertices, faces: self.faces.clone(), ..TriangleMesh::default() }

@@ -83,6 +83,14 @@ pub enum Error {
         /// What it may be.
         expected: String,
     },
+    /// Data that can be read, and that nothing good can be made of.
+    #[error("{message} (--accept {defect} takes it as it is)")]
+    Unfit {
+        /// The kind of fault, by the name under which it can be accepted.
+        defect: &'static str,
+        /// What was found, with the figure, and what to do.
+        message: String,
+    },
     /// One frame of a sequence could not be used.
     #[error("frame {frame}: {source}")]
     Frame {

@@ -40,7 +40,7 @@ pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
     found.then_some(()).ok_or_else(|| format!("no {}, alone or under a prefix", quoted(BODY)))
 }
 
-pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
+pub(crate) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     let fields = Fields { path, format: FORMAT, arrays };
     // One person's parameters have one prefix, but for the numbers in it.
     let mut people: BTreeMap<String, Vec<&str>> = BTreeMap::new();
