@@ -86,8 +86,11 @@ impl Avatar {
         insert_parameters(&mut file, &self.fields);
         file.text = HashMap::from([
             ("version".into(), VERSION.to_string()),
-            ("config".into(), self.config.to_toml()),
-            ("subject".into(), serde_json::to_string(&self.subject).unwrap_or_default()),
+            ("config".into(), self.config.to_toml()?),
+            (
+                "subject".into(),
+                serde_json::to_string(&self.subject).map_err(|error| InputError::io(path)(error.into()))?,
+            ),
             ("steps".into(), self.steps.to_string()),
         ]);
         Ok(file.write(path)?)

@@ -210,7 +210,7 @@ impl fmt::Display for AvatarDescription {
             writeln!(formatter, "skinning: {logits} logits at {nodes} nodes")?;
         }
         writeln!(formatter, "betas: {betas:?}\ncanonical box: {low} to {high} m")?;
-        writeln!(formatter, "configuration:\n{}", config.to_toml().trim_end())
+        writeln!(formatter, "configuration:\n{}", config.to_toml().map_err(|_| fmt::Error)?.trim_end())
     }
 }
 

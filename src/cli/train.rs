@@ -113,7 +113,7 @@ impl Train {
             bail!("{}: the run has the preset {}, not {preset}", self.out.display(), run.preset);
         }
         let asked = Config::preset_with(&run.preset, &self.training.settings()).map_err(WrongUsage)?;
-        let (settled, asked) = (run.to_toml().parse()?, asked.to_toml().parse()?);
+        let (settled, asked) = (run.to_toml()?.parse()?, asked.to_toml()?.parse()?);
         for (key, _) in self.training.settings() {
             let (found, wanted) = (value_of(&settled, &key), value_of(&asked, &key));
             if let Some((found, wanted)) = found.zip(wanted).filter(|(found, wanted)| found != wanted) {
