@@ -12,6 +12,7 @@ mod check;
 mod completions;
 mod convert;
 mod demo;
+mod described_subject;
 mod doctor;
 mod eval;
 mod export;
@@ -21,6 +22,7 @@ mod gallery;
 mod info;
 mod inputs;
 mod json;
+mod man;
 mod measured_run;
 mod messages;
 mod motion;
@@ -80,6 +82,7 @@ enum Verb {
     View(view::View),
     RenderRgbd(render_rgbd::RenderRgbd),
     Completions(completions::Completions),
+    Man(man::Manual),
 }
 
 /// How a verb that did not fail ended.
@@ -145,6 +148,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::View(verb) => verb.run(),
         Verb::RenderRgbd(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
+        Verb::Man(verb) => verb.run(CommandLine::command()),
     }
 }
 

@@ -7,6 +7,7 @@
 
 use glam::{Mat3, Vec3};
 
+use super::statistics::percentile;
 use super::surface_points::SurfacePoints;
 
 /// Points of each surface that are compared.
@@ -14,8 +15,10 @@ const POINTS: usize = 500;
 /// A distance counts no more than this, metres, so that a missing limb decides nothing.
 const FARTHEST: f32 = 0.15;
 /// Turns that are refined.
-const REFINED: usize = 6;
-const ITERATIONS: usize = 25;
+const REFINED: usize = 5;
+const ITERATIONS: usize = 30;
+/// A step that moves the scan less ends the refinement, metres.
+const SETTLED: f32 = 2e-4;
 /// Pairs farther apart than so many medians are left out of a step.
 const OUTLIER: f32 = 2.5;
 /// A turn within this of a turn of the cube is that, radians.
@@ -24,6 +27,10 @@ const SAME_TURN: f32 = 0.12;
 const SAME_PLACE: f32 = 0.02;
 /// What is simpler may fit worse by this factor.
 const SIMPLER: f32 = 1.15;
+/// Another size than that of a unit has to fit better by this factor.
+const RESIZED: f32 = 0.8;
+/// Pairs that a size is told from.
+const FEWEST_PAIRS: usize = 20;
 /// Sizes within this factor are one size: people differ, and wear shoes and hats.
 const SAME_SIZE: f32 = 1.25;
 /// Units by how many of them a metre has.
@@ -42,7 +49,7 @@ pub(super) struct Similarity {
 impl Similarity {
     pub const IDENTITY: Self = Self { scale: 1.0, turn: Mat3::IDENTITY, shift: Vec3::ZERO };
 
-    fn of(&self, point: Vec3) -> Vec3 {
+    pub fn of(&self, point: Vec3) -> Vec3 {
         self.turn * point * self.scale + self.shift
     }
 
@@ -52,12 +59,21 @@ impl Similarity {
 }
 
 /// How a scan comes to lie on its body.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Alignment {
     pub placement: Similarity,
-    /// Mean distance between the surfaces as they are, and so placed; metres, of the body.
+    /// Others that fit about as well, as a mirror image of a body in a symmetric pose does.
+    pub alternatives: Vec<Similarity>,
+    /// Median distance of the scan from the body as it is, and at best; metres.
     pub before: f32,
     pub after: f32,
+}
+
+impl Alignment {
+    /// The best placement, and those that fit about as well.
+    pub fn placements(&self) -> impl Iterator<Item = &Similarity> {
+        std::iter::once(&self.placement).chain(&self.alternatives)
+    }
 }
 
 /// A scan and a body to be brought together.
@@ -67,32 +83,61 @@ pub(super) struct Pair<'a> {
     /// Points of the scan (P) and of the body (Q) that are compared.
     scan_points: Vec<Vec3>,
     body_points: Vec<Vec3>,
+    /// Points of the body that no clothes hold the scan away from: those tell its size.
+    bare_points: Vec<Vec3>,
 }
 
 impl<'a> Pair<'a> {
-    pub fn new(scan: &'a SurfacePoints, body: &'a SurfacePoints) -> Self {
+    /// `bare` are points of the body that no clothes cover.
+    pub fn new(scan: &'a SurfacePoints, body: &'a SurfacePoints, bare: impl Iterator<Item = Vec3>) -> Self {
         let some = |points: &[Vec3]| points.iter().step_by(points.len().div_ceil(POINTS).max(1)).copied().collect();
-        Self { scan_points: some(&scan.points), body_points: some(&body.points), scan, body }
+        let bare_points = some(&bare.collect::<Vec<_>>());
+        Self { scan_points: some(&scan.points), body_points: some(&body.points), bare_points, scan, body }
     }
 
     /// The best placement of the scan.
     pub fn align(&self) -> Alignment {
-        let before = self.misfit(&Similarity::IDENTITY);
         let (scan_centre, scan_size) = centre_and_size(&self.scan.points);
         let (body_centre, body_size) = centre_and_size(&self.body.points);
         let scale = likely_scale(body_size / scan_size);
         let about_centres = |turn: Mat3| Similarity { scale, turn, shift: body_centre - turn * scan_centre * scale };
-        let mut starts: Vec<Similarity> = turns_of_the_cube().map(about_centres).collect();
-        starts.extend(turns_of_the_cube().map(|turn| about_centres(turn * MIRROR)));
-        let mut tried: Vec<(f32, Similarity)> = starts.iter().map(|start| (self.misfit(start), *start)).collect();
+        let starts = turns_of_the_cube().chain(turns_of_the_cube().map(|turn| turn * MIRROR)).map(about_centres);
+        let mut tried: Vec<(f32, Similarity)> = starts.map(|start| (self.misfit(&start), start)).collect();
         tried.sort_by(|one, other| one.0.total_cmp(&other.0));
         tried.truncate(REFINED);
         let standing = Similarity { scale, ..Similarity::IDENTITY };
-        tried.push((self.misfit(&standing), standing));
-        let refined = tried.into_iter().map(|(_, start)| self.simplified(self.refined(start)));
-        let best = refined.min_by(|one, other| one.0.total_cmp(&other.0));
-        let (after, placement) = best.unwrap_or((before, Similarity::IDENTITY));
-        Alignment { placement, before, after }
+        tried.push((0.0, standing));
+        let mut found: Vec<(f32, Similarity)> =
+            tried.into_iter().map(|(_, start)| self.simplified(self.refined(start))).collect();
+        let best = keep_equals(&mut found);
+        // Another size has to be worth it, unless no unit explains this one.
+        let mut resized: Vec<(f32, Similarity)> =
+            found.iter().map(|(_, placement)| self.simplified(self.resized(*placement))).collect();
+        let best_resized = keep_equals(&mut resized);
+        if best_resized.0 < RESIZED * best.0 || !is_unit(scale) {
+            found = resized;
+        }
+        let best = found[0];
+        // What mirrors less and turns less comes first among equals.
+        found.sort_by(|one, other| effort(&one.1).total_cmp(&effort(&other.1)));
+        let mut different: Vec<Similarity> = Vec::new();
+        for (_, placement) in found {
+            if different.iter().all(|other| angle_between(other.turn, placement.turn) > SAME_TURN) {
+                different.push(placement);
+            }
+        }
+        Alignment {
+            placement: different[0],
+            alternatives: different[1..].to_vec(),
+            before: self.apart(&Similarity::IDENTITY),
+            after: self.apart(&best.1),
+        }
+    }
+
+    /// The median distance of the scan from the body.
+    fn apart(&self, placement: &Similarity) -> f32 {
+        let distances = self.scan_points.iter().map(|point| self.body.nearest(placement.of(*point)).1);
+        percentile(distances.collect(), 0.5).unwrap_or(0.0)
     }
 
     /// The mean distance between the surfaces, both ways.
@@ -107,7 +152,48 @@ impl<'a> Pair<'a> {
     }
 
     fn refined(&self, start: Similarity) -> Similarity {
-        (0..ITERATIONS).fold(start, |placement, _| self.step(&placement, true))
+        self.settled(start, |placement| self.step(placement, true))
+    }
+
+    /// The placement after steps that move the scan no more.
+    fn settled(&self, start: Similarity, step: impl Fn(&Similarity) -> Similarity) -> Similarity {
+        let (middle, size) = centre_and_size(&self.scan_points);
+        let probes = [middle, middle + Vec3::X * size, middle + Vec3::Y * size];
+        let mut placement = start;
+        for _ in 0..ITERATIONS {
+            let next = step(&placement);
+            let moved = probes.iter().map(|probe| next.of(*probe).distance(placement.of(*probe))).fold(0.0, f32::max);
+            placement = next;
+            if moved < SETTLED {
+                break;
+            }
+        }
+        placement
+    }
+
+    /// The placement in the size that the bare parts of the body tell.
+    fn resized(&self, start: Similarity) -> Similarity {
+        self.settled(start, |&placement| {
+            let pairs = self.bare_points.iter().map(|&point| {
+                let (nearest, distance) = self.scan.nearest(placement.inverse_of(point));
+                (self.scan.points[nearest], point, distance * placement.scale)
+            });
+            let near = near_pairs(pairs.collect());
+            if near.len() < FEWEST_PAIRS {
+                return placement;
+            }
+            let (from, to) = (mean(near.iter().map(|pair| pair.0)), mean(near.iter().map(|pair| pair.1)));
+            let spread = |square: fn(&(Vec3, Vec3, f32), Vec3, Vec3) -> f32| -> f32 {
+                near.iter().map(|pair| square(pair, from, to)).sum()
+            };
+            let body = spread(|pair, _, to| pair.1.distance_squared(to));
+            let scan = spread(|pair, from, _| pair.0.distance_squared(from));
+            let scale = (body / scan).sqrt();
+            if !(scale.is_finite() && scale > 0.0) {
+                return placement;
+            }
+            self.step(&Similarity { scale, shift: to - placement.turn * from * scale, ..placement }, true)
+        })
     }
 
     /// The placement, or a simpler one that is as good, with its misfit.
@@ -124,7 +210,7 @@ impl<'a> Pair<'a> {
         let all = turns_of_the_cube().chain(turns_of_the_cube().map(|turn| turn * MIRROR));
         if let Some(turn) = all.into_iter().find(|turn| angle_between(*turn, refined.turn) < SAME_TURN) {
             let turned = Similarity { turn, shift: self.shift_for(&refined, turn), ..refined };
-            let snapped = (0..ITERATIONS).fold(turned, |placement, _| self.step(&placement, false));
+            let snapped = self.settled(turned, |placement| self.step(placement, false));
             if prefer(snapped) && snapped.shift.length() < SAME_PLACE {
                 prefer(Similarity { shift: Vec3::ZERO, ..snapped });
             }
@@ -149,12 +235,8 @@ impl<'a> Pair<'a> {
             let (nearest, distance) = self.scan.nearest(placement.inverse_of(point));
             pairs.push((self.scan.points[nearest], point, distance * placement.scale));
         }
-        let middle = pairs.len() / 2;
-        let (_, &mut (.., median), _) = pairs.select_nth_unstable_by(middle, |one, other| one.2.total_cmp(&other.2));
-        pairs.retain(|(.., distance)| *distance <= OUTLIER * median);
-        let count = pairs.len() as f32;
-        let from = pairs.iter().map(|pair| pair.0).sum::<Vec3>() / count;
-        let to = pairs.iter().map(|pair| pair.1).sum::<Vec3>() / count;
+        let pairs = near_pairs(pairs);
+        let (from, to) = (mean(pairs.iter().map(|pair| pair.0)), mean(pairs.iter().map(|pair| pair.1)));
         let turn = match turns {
             true => {
                 let outer = |a: Vec3, b: Vec3| Mat3::from_cols(a * b.x, a * b.y, a * b.z);
@@ -165,6 +247,37 @@ impl<'a> Pair<'a> {
         };
         Similarity { turn, shift: to - turn * from * placement.scale, ..*placement }
     }
+}
+
+/// Leaves the placements that fit about as well as the best, the best first; returns that.
+fn keep_equals(found: &mut Vec<(f32, Similarity)>) -> (f32, Similarity) {
+    found.sort_by(|one, other| one.0.total_cmp(&other.0));
+    let best = found[0];
+    found.retain(|(misfit, _)| *misfit < SIMPLER * best.0);
+    best
+}
+
+/// The pairs that are not much farther apart than most.
+fn near_pairs(mut pairs: Vec<(Vec3, Vec3, f32)>) -> Vec<(Vec3, Vec3, f32)> {
+    if pairs.is_empty() {
+        return pairs;
+    }
+    let middle = pairs.len() / 2;
+    let (_, &mut (.., median), _) = pairs.select_nth_unstable_by(middle, |one, other| one.2.total_cmp(&other.2));
+    pairs.retain(|(.., distance)| *distance <= OUTLIER * median);
+    pairs
+}
+
+fn mean(points: impl ExactSizeIterator<Item = Vec3>) -> Vec3 {
+    let count = points.len().max(1) as f32;
+    points.sum::<Vec3>() / count
+}
+
+/// How much a placement does to a scan: mirroring is more than any turn.
+fn effort(placement: &Similarity) -> f32 {
+    let mirrors = if placement.turn.determinant() < 0.0 { 10.0 } else { 0.0 };
+    let turn = if mirrors > 0.0 { placement.turn * MIRROR } else { placement.turn };
+    mirrors + angle_between(turn, Mat3::IDENTITY)
 }
 
 const MIRROR: Mat3 = Mat3::from_cols(Vec3::NEG_X, Vec3::Y, Vec3::Z);
@@ -186,11 +299,15 @@ fn centre_and_size(points: &[Vec3]) -> (Vec3, f32) {
 
 /// The scale of the unit that explains a ratio of sizes, or the ratio itself.
 fn likely_scale(body_by_scan: f32) -> f32 {
-    let is_unit = |&&(_, per_metre): &&(&str, f32)| {
+    let explains = |&&(_, per_metre): &&(&str, f32)| {
         let rest = body_by_scan * per_metre;
         (1.0 / SAME_SIZE..SAME_SIZE).contains(&rest)
     };
-    UNITS.iter().find(is_unit).map_or(body_by_scan, |(_, per_metre)| 1.0 / per_metre)
+    UNITS.iter().find(explains).map_or(body_by_scan, |(_, per_metre)| 1.0 / per_metre)
+}
+
+fn is_unit(scale: f32) -> bool {
+    UNITS.iter().any(|(_, per_metre)| scale == 1.0 / per_metre)
 }
 
 /// The angle of the turn from one orthogonal matrix to another, radians; half a turn if only one of them mirrors.

@@ -32,7 +32,7 @@ impl<'a> CheckedFrames<'a> {
             fits_instead: None,
         };
         let found = looked.inspection.observations.iter().map(|observation| described(observation, &looked));
-        match found.into_iter().find(|(defect, _)| !self.accepted.contains(defect)) {
+        match found.into_iter().find(|(defect, _)| defect.is_problem() && !self.accepted.contains(defect)) {
             None => Ok(()),
             Some((defect, message)) => Err(Error::Unfit { defect: defect.name(), message }),
         }

@@ -8,6 +8,7 @@ use glam::{Mat3, Quat, Vec3};
 use super::alignment::{Alignment, Similarity, UNITS, angle_between};
 use super::finding::{Defect, Finding};
 use super::inspection::{Inspection, Observation};
+use super::segments::Limb;
 use super::statistics::percentile;
 use crate::{Origin, ScanPlacement};
 
@@ -40,6 +41,19 @@ pub(super) struct Looked {
 pub(super) struct Judged {
     pub findings: Vec<Finding>,
     pub mend: Option<ScanPlacement>,
+}
+
+/// The places of frames that do not lie on their bodies, for a reason that most frames do not share.
+pub(super) fn strayed(looked: &[Looked]) -> Vec<usize> {
+    let common = common_placement(looked);
+    let strays = |observation: &Observation| match observation {
+        Observation::Unrelated { .. } => true,
+        Observation::Misplaced(found) => {
+            common.as_ref().is_none_or(|common| !common.explains(found) || matches!(common.shift, Shift::Each(_)))
+        }
+        _ => false,
+    };
+    (0..looked.len()).filter(|place| looked[*place].inspection.observations.iter().any(strays)).collect()
 }
 
 pub(super) fn judge(looked: &[Looked]) -> Judged {
@@ -85,6 +99,9 @@ pub(super) fn described(observation: &Observation, looked: &Looked) -> (Defect, 
         Observation::Size(factor) => {
             (Defect::Unit, format!("the scan is {factor:.1e} times as large as its body, which no unit explains"))
         }
+        Observation::Far(metres) => {
+            (Defect::Shifted, format!("the scan is {metres:.1e} m from its body: is `transl` in metres?"))
+        }
         Observation::Misplaced(found) => {
             if let Some(other) = &looked.fits_instead {
                 return (Defect::OtherFrame, of_other_frame(other));
@@ -100,10 +117,10 @@ pub(super) fn described(observation: &Observation, looked: &Looked) -> (Defect, 
             None => (
                 Defect::OtherPerson,
                 format!(
-                    "scan and body are {:.0} mm apart on average, and no turn, unit or shift brings them nearer than \
-                     {:.0} mm: is the registration of this frame and this person (shape, gender)?",
-                    apart * MILLIMETRES,
-                    least * MILLIMETRES
+                    "scan and body are {} apart, and no turn, unit or shift brings them nearer than {}: is the registration of \
+                     this frame and this person (shape, gender)?",
+                    length(*apart),
+                    length(*least)
                 ),
             ),
         },
@@ -113,8 +130,7 @@ pub(super) fn described(observation: &Observation, looked: &Looked) -> (Defect, 
             (Defect::Slipped, format!("the registration has slipped: {parts} from the scan; register again"))
         }
         Observation::Missing(limbs) => {
-            let parts = limbs.iter().map(|limb| limb.name()).collect::<Vec<_>>().join(", ");
-            (Defect::Missing, format!("the scan has no {parts}; leave the frame out, or scan again"))
+            (Defect::Missing, format!("the scan has no {}; leave the frame out, or scan again", names(limbs.iter())))
         }
         Observation::Doubled(limbs) => {
             let parts = limbs.iter().map(|(limb, times)| format!("{} ({times:.1} times its surface)", limb.name()));
@@ -124,20 +140,25 @@ pub(super) fn described(observation: &Observation, looked: &Looked) -> (Defect, 
         Observation::Hollow(surface) => (
             Defect::Hollow,
             format!(
-                "the scan is hollow: a second wall inside makes its surface {surface:.1} times its body's; keep the outer wall only"
+                "the scan is hollow: with a second wall its surface is {surface:.1} times its body's; keep the outer wall only"
             ),
         ),
         Observation::Open(share) => (
             Defect::Open,
-            format!(
-                "the scan is open: {:.0} % of the body's inside is not inside of it; close its holes",
-                100.0 * share
-            ),
+            format!("the scan is open around {:.0} % of the body: it has no inside; close its holes", 100.0 * share),
         ),
+        Observation::OpenAt(limbs) => {
+            let text = format!("the scan is open at {}: its inside is guessed there; close it", names(limbs.iter()));
+            (Defect::Holes, text)
+        }
         Observation::InsideOut => {
             (Defect::InsideOut, "the scan's faces are seen from inside: turn them over (--fix does)".to_owned())
         }
     }
+}
+
+fn names<'a>(limbs: impl Iterator<Item = &'a Limb>) -> String {
+    limbs.map(|limb| limb.name()).collect::<Vec<_>>().join(", ")
 }
 
 fn of_other_frame(other: &str) -> String {
@@ -161,7 +182,7 @@ struct Common {
     scale: f32,
     turn: Mat3,
     shift: Shift,
-    /// Mean distances before and after, metres.
+    /// Median distances before and after, metres.
     before: f32,
     after: f32,
     frames: Vec<String>,
@@ -180,7 +201,7 @@ enum Shift {
 
 impl Common {
     fn explains(&self, found: &Alignment) -> bool {
-        is_same_scale(self.scale, found.placement.scale) && angle_between(self.turn, found.placement.turn) < ONE_TURN
+        alike(&Similarity { scale: self.scale, turn: self.turn, shift: Vec3::ZERO }, found).is_some()
     }
 
     fn of_frame(found: &Alignment, looked: &Looked) -> Self {
@@ -212,6 +233,14 @@ impl Common {
     }
 }
 
+/// The placement of a frame, the best or another that fits as well, that scales and turns as `placement` does.
+fn alike(placement: &Similarity, found: &Alignment) -> Option<Similarity> {
+    let is_alike = |other: &&Similarity| {
+        is_same_scale(placement.scale, other.scale) && angle_between(placement.turn, other.turn) < ONE_TURN
+    };
+    found.placements().find(is_alike).copied()
+}
+
 fn is_same_scale(one: f32, other: f32) -> bool {
     (one / other - 1.0).abs() < ONE_SCALE
 }
@@ -228,16 +257,20 @@ fn common_placement(looked: &[Looked]) -> Option<Common> {
             })
         })
         .collect();
-    let like = |found: &Alignment| {
-        let alike = |(_, other): &&(&Looked, &Alignment)| {
-            is_same_scale(other.placement.scale, found.placement.scale)
-                && angle_between(other.placement.turn, found.placement.turn) < ONE_TURN
-        };
-        misplaced.iter().filter(alike).copied().collect::<Vec<_>>()
-    };
-    let groups = misplaced.iter().map(|(_, found)| like(found));
-    let group = groups.max_by_key(Vec::len)?;
-    if (group.len() as f32) < MOST * looked.len() as f32 {
+    // The first of the largest groups.
+    let mut group: Vec<(&Looked, Alignment)> = Vec::new();
+    for candidate in misplaced.iter().flat_map(|(_, found)| found.placements()) {
+        let mut placed = Vec::new();
+        for &(one, found) in &misplaced {
+            if let Some(placement) = alike(candidate, found) {
+                placed.push((one, Alignment { placement, ..Alignment::clone(found) }));
+            }
+        }
+        if placed.len() > group.len() {
+            group = placed;
+        }
+    }
+    if group.is_empty() || (group.len() as f32) < MOST * looked.len() as f32 {
         return None;
     }
     let first = group[0].1.placement;
@@ -256,7 +289,7 @@ fn common_placement(looked: &[Looked]) -> Option<Common> {
 }
 
 /// What the shifts of frames have in common.
-fn common_shift(group: &[(&Looked, &Alignment)]) -> Shift {
+fn common_shift(group: &[(&Looked, Alignment)]) -> Shift {
     let spread = |point: &dyn Fn(&Looked) -> Vec3| {
         let shifts: Vec<Vec3> = group.iter().map(|(one, found)| found.placement.shift - point(one)).collect();
         let mean = shifts.iter().sum::<Vec3>() / shifts.len() as f32;
@@ -281,8 +314,7 @@ fn common_shift(group: &[(&Looked, &Alignment)]) -> Shift {
 
 /// What is said of a placement: one finding each of unit, turn, mirror and shift.
 fn findings_of_placement(common: &Common) -> Vec<Finding> {
-    let (before, after) = (common.before * MILLIMETRES, common.after * MILLIMETRES);
-    let figures = format!("{before:.0} mm from the bodies on average, {after:.0} mm when mended");
+    let figures = format!("{} from the bodies, {} when mended", length(common.before), length(common.after));
     let fix = if common.mend().is_some() && common.is_of_all { " (--fix records it)" } else { "" };
     let scans = if common.is_of_all { "the scans are" } else { "the scan is" };
     let finding = |name: Defect, text: String| {
@@ -318,12 +350,9 @@ fn findings_of_placement(common: &Common) -> Vec<Finding> {
     }
     let shifted = match common.shift {
         Shift::None => None,
-        Shift::Same(shift) => Some(format!(
-            "shifted: add {} to x, {} to y, {} to z, metres{fix}",
-            metres(shift.x),
-            metres(shift.y),
-            metres(shift.z)
-        )),
+        Shift::Same(shift) => {
+            Some(format!("shifted: add {:.3} to x, {:.3} to y, {:.3} to z, metres{fix}", shift.x, shift.y, shift.z))
+        }
         Shift::To(Origin::Translation) => Some(format!("without `transl`, which was subtracted: add it{fix}")),
         Shift::To(Origin::Pelvis) => Some(format!("centred at the pelvis, and the bodies are not: add its place{fix}")),
         Shift::To(Origin::World) => None,
@@ -349,8 +378,9 @@ fn without_mirror(turn: Mat3) -> (Option<&'static str>, Mat3) {
     left.into_iter().min_by(|one, other| angle(one).total_cmp(&angle(other))).unwrap_or((None, turn))
 }
 
-fn metres(value: f32) -> String {
-    format!("{value:.3}")
+/// A distance in millimetres, or in metres from one on.
+fn length(metres: f32) -> String {
+    if metres < 1.0 { format!("{:.0} mm", metres * MILLIMETRES) } else { format!("{metres:.2} m") }
 }
 
 /// How scans are turned against bodies that a turn brings them onto, and what undoes it.

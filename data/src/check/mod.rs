@@ -169,10 +169,9 @@ fn look(frame: &ScanFrame, inspector: &Inspector<'_>, body: &BodyModel) -> Resul
 impl Looked {
     /// Whether distances to the body would say nothing.
     fn is_beyond_measure(&self) -> bool {
-        self.inspection
-            .observations
-            .iter()
-            .any(|observation| matches!(observation, Observation::NoSurface(_) | Observation::Size(_)))
+        self.inspection.observations.iter().any(|observation| {
+            matches!(observation, Observation::NoSurface(_) | Observation::Size(_) | Observation::Far(_))
+        })
     }
 }
 
@@ -184,21 +183,23 @@ fn find_other_frames(
     subject: &Subject,
     inspector: &Inspector<'_>,
 ) {
-    let is_apart = |one: &Looked| {
-        one.inspection
-            .observations
-            .iter()
-            .any(|observation| matches!(observation, Observation::Misplaced(_) | Observation::Unrelated { .. }))
-    };
-    looked.par_iter_mut().zip(places).filter(|(one, _)| is_apart(one)).for_each(|(one, &place)| {
-        let Ok(frame) = read_frame(files[place], &subject.betas) else { return };
-        let near = place.saturating_sub(NEIGHBOURS)..(place + NEIGHBOURS + 1).min(files.len());
-        one.fits_instead = near.filter(|other| *other != place).find_map(|other| {
-            let parameters = files[other].read_parameters(&subject.betas).ok()?;
-            let fits = inspector.is_of(&frame.scan, &parameters).unwrap_or(false);
-            fits.then(|| files[other].id.to_string())
-        });
-    });
+    let strayed = judgement::strayed(looked);
+    let fits_instead: Vec<Option<String>> = strayed
+        .par_iter()
+        .map(|&number| {
+            let place = places[number];
+            let frame = read_frame(files[place], &subject.betas).ok()?;
+            let near = place.saturating_sub(NEIGHBOURS)..(place + NEIGHBOURS + 1).min(files.len());
+            near.filter(|other| *other != place).find_map(|other| {
+                let parameters = files[other].read_parameters(&subject.betas).ok()?;
+                let fits = inspector.is_of(&frame.scan, &parameters).unwrap_or(false);
+                fits.then(|| files[other].id.to_string())
+            })
+        })
+        .collect();
+    for (number, instead) in strayed.into_iter().zip(fits_instead) {
+        looked[number].fits_instead = instead;
+    }
 }
 
 impl CheckReport {

@@ -41,7 +41,7 @@ impl Soundness {
         let fault = if with_area < FEWEST_FACES {
             Some(format!("{with_area} faces with an area, a body has thousands"))
         } else if !(extent > f64::from(f32::MIN_POSITIVE) && area > 0.0) {
-            Some(format!("{extent} m large and {area} square metres of surface"))
+            Some(format!("{extent:.1e} m large, with {area:.1e} square metres of surface"))
         } else if let Some(thickness) = Some(thinness(scan, middle)).filter(|thinness| *thinness < THINNEST) {
             Some(format!("flat: {:.1} % as thick as long", 100.0 * thickness))
         } else if area / (extent * extent) > LARGEST_AREA {

@@ -8,6 +8,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
+use super::alignment::Similarity;
 use xavatar_formats::{Error, Result};
 use xavatar_mesh::TriangleMesh;
 
@@ -51,9 +52,27 @@ impl SurfacePoints {
                 faces.push(face as u32);
             }
         }
-        let coordinates: Vec<[f32; 3]> = points.iter().map(Vec3::to_array).collect();
-        let tree = ImmutableKdTree::new_from_slice(&coordinates).map_err(|error| without_area(error.to_string()))?;
-        Ok(Self { points, normals, faces, area: area as f32, tree })
+        Ok(Self { tree: index(&points)?, points, normals, faces, area: area as f32 })
+    }
+
+    /// Turns the surface over.
+    pub fn reverse(&mut self) {
+        self.normals.iter_mut().for_each(|normal| *normal = -*normal);
+    }
+
+    /// The same surface after a placement.
+    ///
+    /// # Errors
+    /// [`Error::Value`] if the points cannot be indexed.
+    pub fn placed(&self, placement: &Similarity) -> Result<Self> {
+        let points: Vec<Vec3> = self.points.iter().map(|point| placement.of(*point)).collect();
+        Ok(Self {
+            tree: index(&points)?,
+            normals: self.normals.iter().map(|normal| placement.turn * *normal).collect(),
+            faces: self.faces.clone(),
+            area: self.area * placement.scale * placement.scale,
+            points,
+        })
     }
 
     /// The nearest point's number and its distance. `point` has to be finite.
@@ -74,6 +93,15 @@ impl SurfacePoints {
         });
         sum * share / (4.0 * PI)
     }
+}
+
+fn index(points: &[Vec3]) -> Result<ImmutableKdTree<f32, 3>> {
+    let coordinates: Vec<[f32; 3]> = points.iter().map(Vec3::to_array).collect();
+    ImmutableKdTree::new_from_slice(&coordinates).map_err(|error| Error::Value {
+        name: "points of a surface".into(),
+        found: error.to_string(),
+        expected: "at least one, at most 2^32".into(),
+    })
 }
 
 /// Twice the area of a face along its normal; in f64, in which no mesh of finite coordinates overflows.

@@ -7,4 +7,5 @@ mod motion_bvh;
 mod official;
 mod pickle;
 mod rgbd;
+mod subjects;
 mod xhumans;
