@@ -1,42 +1,32 @@
-//! Checked access to the arrays of an SMPL-X model file: every shape, index and number is verified before it is used.
+//! Checked access to the arrays of a body model's file: every shape, index and number is verified before it is used.
 //!
-//! Errors name the file and the key; a model of another family is recognised by its skeleton and named.
+//! Errors name the file and the key. V vertices, J joints.
 
 use std::path::Path;
 
-use super::skeleton::{JOINTS, PARENTS};
+use glam::Vec3;
+
+use super::hands::HAND_COMPONENTS;
+use super::{BlendShapes, HandSpace, JointBasis};
 use xavatar_formats::{Array, ArrayMap};
 use xavatar_formats::{Error, Result};
 
-/// How far a convex combination read from a file may sum from 1: f32 rounding over 55 joints, with a margin.
+/// How far a convex combination read from a file may sum from 1: f32 rounding over the joints, with a margin.
 const SUM_TOLERANCE: f64 = 1e-4;
 
 /// The arrays of a model file and where they came from.
 pub(super) struct ModelFile<'a> {
     pub(super) path: &'a Path,
     pub(super) arrays: &'a ArrayMap,
+    /// What the file is called in messages: `SMPL-X model`.
+    pub(super) format: &'static str,
 }
 
 impl ModelFile<'_> {
-    /// Recognises what is not SMPL-X by its number of joints, before anything else fails on it.
-    pub(super) fn require_smplx(&self) -> Result<()> {
-        let joints = match self.arrays.get("kintree_table").or_else(|| self.arrays.get("weights")) {
-            Some(array) => array.shape.get(1).copied().unwrap_or(0),
-            None => return Err(self.malformed("kintree_table", "absent", format!("(2, {JOINTS})"))),
-        };
-        let family = match joints {
-            JOINTS => return Ok(()),
-            24 => "an SMPL model (24 joints, no hands or face)",
-            52 => "an SMPL+H model (52 joints, no face)",
-            16 => "a MANO model (16 joints, one hand)",
-            5 => "a FLAME model (5 joints, the head)",
-            _ => &format!("a model with {joints} joints"),
-        };
-        Err(self.mismatch(
-            family,
-            format!("an SMPL-X model ({JOINTS} joints)"),
-            "download SMPLX_{GENDER}.npz from https://smpl-x.is.tue.mpg.de",
-        ))
+    /// J, by which families are told apart; none if no array says it.
+    pub(super) fn joints(&self) -> Option<usize> {
+        let tree = self.arrays.get("kintree_table").or_else(|| self.arrays.get("weights"))?;
+        Some(tree.shape.get(1).copied().unwrap_or(0))
     }
 
     /// The finite numbers of `key`, whose shape has to be `shape` (0 = any extent), and that shape.
@@ -89,18 +79,19 @@ impl ModelFile<'_> {
         Ok(values.chunks_exact(3).map(|face| [face[0] as u32, face[1] as u32, face[2] as u32]).collect())
     }
 
-    /// Requires the kinematic tree to be SMPL-X's; the root's parent is any number.
-    pub(super) fn require_kinematic_tree(&self) -> Result<()> {
-        let (values, _) = self.floats("kintree_table", &[2, JOINTS])?;
-        let (parents, ids) = values.split_at(JOINTS);
-        for joint in 0..JOINTS {
+    /// Requires the kinematic tree of `family` with these parents (J); the root's parent is any number.
+    pub(super) fn require_kinematic_tree(&self, expected: &[Option<usize>], family: &str) -> Result<()> {
+        let joints = expected.len();
+        let (values, _) = self.floats("kintree_table", &[2, joints])?;
+        let (parents, ids) = values.split_at(joints);
+        for joint in 0..joints {
             if ids[joint] != joint as f64 {
                 let place = format!("kintree_table[1][{joint}]");
                 return Err(self.malformed(&place, ids[joint].to_string(), joint.to_string()));
             }
-            if joint > 0 && parents[joint] != PARENTS[joint] as f64 {
+            if let Some(parent) = expected[joint].filter(|parent| parents[joint] != *parent as f64) {
                 let place = format!("kintree_table[0][{joint}]");
-                let expected = format!("{} (the parent in SMPL-X)", PARENTS[joint]);
+                let expected = format!("{parent} (the parent in {family})");
                 return Err(self.malformed(&place, parents[joint].to_string(), expected));
             }
         }
@@ -108,9 +99,9 @@ impl ModelFile<'_> {
     }
 
     /// Skinning weights (V, J): non-negative, each row summing to 1.
-    pub(super) fn skinning_weights(&self, vertices: usize) -> Result<Vec<f32>> {
-        let (values, _) = self.floats("weights", &[vertices, JOINTS])?;
-        for (vertex, row) in values.chunks_exact(JOINTS).enumerate() {
+    pub(super) fn skinning_weights(&self, vertices: usize, joints: usize) -> Result<Vec<f32>> {
+        let (values, _) = self.floats("weights", &[vertices, joints])?;
+        for (vertex, row) in values.chunks_exact(joints).enumerate() {
             let sum: f64 = row.iter().sum();
             if (sum - 1.0).abs() > SUM_TOLERANCE || row.iter().any(|weight| *weight < -SUM_TOLERANCE) {
                 let found =
@@ -122,8 +113,8 @@ impl ModelFile<'_> {
     }
 
     /// The regressor of joints from vertices as (vertex, weight) of each joint, each summing to 1.
-    pub(super) fn joint_regressor(&self, vertices: usize) -> Result<Vec<Vec<(usize, f64)>>> {
-        let (values, _) = self.floats("J_regressor", &[JOINTS, vertices])?;
+    pub(super) fn joint_regressor(&self, vertices: usize, joints: usize) -> Result<JointRegressor> {
+        let (values, _) = self.floats("J_regressor", &[joints, vertices])?;
         let rows: Vec<Vec<(usize, f64)>> = values
             .chunks_exact(vertices)
             .map(|row| row.iter().copied().enumerate().filter(|(_, weight)| *weight != 0.0).collect())
@@ -138,14 +129,38 @@ impl ModelFile<'_> {
                 ));
             }
         }
-        Ok(rows)
+        Ok(JointRegressor { rows })
     }
 
-    /// That the file breaks the SMPL-X format at `place`.
+    /// The template `v_template` (V, 3), at least one vertex.
+    pub(super) fn template(&self) -> Result<Vec<f64>> {
+        let (template, shape) = self.floats("v_template", &[0, 3])?;
+        match shape[0] {
+            0 => Err(self.malformed("v_template", "empty", "at least one vertex")),
+            _ => Ok(template),
+        }
+    }
+
+    /// The pose correctives `posedirs` by the entries of R - I of all joints but the root.
+    pub(super) fn rotation_correctives(&self, vertices: usize, joints: usize) -> Result<BlendShapes> {
+        let features = 9 * (joints - 1);
+        let correctives = self.floats_f32("posedirs", &[vertices, 3, features])?;
+        Ok(BlendShapes::from_columns(&correctives, features, 0..features))
+    }
+
+    /// The pose space of one hand.
+    pub(super) fn hand_space(&self, mean: &str, components: &str) -> Result<HandSpace> {
+        let row = |values: &[f64]| std::array::from_fn(|component| values[component] as f32);
+        let (mean, _) = self.floats(mean, &[HAND_COMPONENTS])?;
+        let (components, _) = self.floats(components, &[0, HAND_COMPONENTS])?;
+        Ok(HandSpace { mean: row(&mean), components: components.chunks_exact(HAND_COMPONENTS).map(row).collect() })
+    }
+
+    /// That the file breaks its format at `place`.
     pub(super) fn malformed(&self, place: &str, found: impl Into<String>, expected: impl Into<String>) -> Error {
         Error::Malformed {
             path: self.path.to_path_buf(),
-            format: "SMPL-X model",
+            format: self.format,
             place: place.into(),
             found: found.into(),
             expected: expected.into(),
@@ -157,6 +172,42 @@ impl ModelFile<'_> {
         let path = self.path.to_path_buf();
         Error::Mismatch { path, found: found.into(), expected: expected.into(), remedy: remedy.into() }
     }
+}
+
+/// Joints as weighted means of vertices: (vertex, weight) of each joint (J).
+pub(super) struct JointRegressor {
+    rows: Vec<Vec<(usize, f64)>>,
+}
+
+impl JointRegressor {
+    /// The joints of the `template` (V, 3) and of `columns` of the shape `directions` (V, 3, `stride`).
+    pub(super) fn basis(
+        &self,
+        template: &[f64],
+        directions: &[f64],
+        stride: usize,
+        columns: impl Iterator<Item = usize>,
+    ) -> JointBasis {
+        let column = |column: usize| self.regress(|vertex, axis| directions[(vertex * 3 + axis) * stride + column]);
+        JointBasis {
+            template: self.regress(|vertex, axis| template[vertex * 3 + axis]),
+            directions: columns.map(column).collect(),
+        }
+    }
+
+    /// The joints (J) of a field over vertices, in f64 as in the reference.
+    fn regress(&self, value: impl Fn(usize, usize) -> f64) -> Vec<Vec3> {
+        let joint = |row: &Vec<(usize, f64)>| {
+            let axis = |axis| row.iter().map(|(vertex, weight)| weight * value(*vertex, axis)).sum::<f64>();
+            Vec3::new(axis(0) as f32, axis(1) as f32, axis(2) as f32)
+        };
+        self.rows.iter().map(joint).collect()
+    }
+}
+
+/// Points of f64 rows as vectors.
+pub(super) fn points(rows: &[f64]) -> Vec<Vec3> {
+    rows.chunks_exact(3).map(|point| Vec3::new(point[0] as f32, point[1] as f32, point[2] as f32)).collect()
 }
 
 fn shape_text(shape: &[usize]) -> String {

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use serde_json::Value;
-use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result};
+use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result, read_text};
 
 const FORMAT: &str = "JSON file of parameters";
 
@@ -15,7 +15,7 @@ const FORMAT: &str = "JSON file of parameters";
 /// # Errors
 /// [`Error::Io`]; [`Error::Malformed`] naming the line where it breaks off, or if it is no object.
 pub(crate) fn read_json_arrays(path: &Path) -> Result<ArrayMap> {
-    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    let text = read_text(path)?;
     let malformed = |place: String, found: String| Error::Malformed {
         path: path.into(),
         format: FORMAT,

@@ -2,10 +2,13 @@
 //!
 //! Files -> arrays -> frames. Nothing here knows about training.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 mod check;
 mod fields;
 mod json;
 mod motion;
+mod notes;
 mod placement;
 mod rgbd;
 mod subject;
@@ -17,6 +20,7 @@ pub use check::{
 pub use motion::{
     Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
 };
+pub use notes::FrameNotes;
 pub use placement::{Origin, ScanPlacement};
 pub use rgbd::{
     BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,
@@ -27,7 +31,7 @@ pub use subject::{FrameFile, FrameFiles, HandZero, Layout, Subject, read_frame};
 pub use xhumans::write_subject;
 
 use xavatar_body::BodyParameters;
-use xavatar_mesh::TriangleMesh;
+use xavatar_mesh::{Note, TriangleMesh};
 
 /// Where a frame stands in its subject, displayed as `train/Take1/f00001`.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -58,19 +62,21 @@ pub trait FrameSource: Sync {
     fn read(&self, index: usize) -> xavatar_formats::Result<ScanFrame>;
 
     /// The subject's shape.
-    fn betas(&self) -> [f32; 10];
+    fn betas(&self) -> &[f32];
 
     /// The subject's gender.
     fn gender(&self) -> xavatar_body::Gender;
 }
 
-/// A frame in memory: a coloured scan and the SMPL-X parameters registered to it.
+/// A frame in memory: a coloured scan and the body registered to it.
 #[derive(Clone, Debug)]
 pub struct ScanFrame {
     /// Which frame.
     pub id: FrameId,
     /// The scan in world coordinates (the registration's `transl` not subtracted), metres.
     pub scan: TriangleMesh,
-    /// Parameters; `betas` already replaced by the subject's mean shape.
+    /// Its parameters; the shape is the subject's mean shape.
     pub parameters: BodyParameters,
+    /// What the scan's file says that is not in `scan`.
+    pub notes: Vec<Note>,
 }

@@ -11,7 +11,7 @@ use glam::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use xavatar_formats::write_atomically;
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Error, Result, read_text};
 use xavatar_mesh::TriangleMesh;
 
 const FORMAT: &str = "placement of scans";
@@ -73,7 +73,7 @@ impl ScanPlacement {
         if !path.is_file() {
             return Ok(None);
         }
-        let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
+        let text = read_text(&path)?;
         let placement: Self = toml::from_str(&text).map_err(|error| {
             let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
             malformed(&path, format!("line {line}"), error.message(), "what `xavatar check --fix` writes")

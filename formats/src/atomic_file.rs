@@ -1,10 +1,14 @@
-//! Files that appear whole or not at all: written to a temporary name in the same folder, synced, renamed.
+//! Files that appear whole or not at all: written to a temporary name in the same folder, synced, renamed; then the folder is synced,
+//! so that the new name outlasts a power failure.
 
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use crate::{Error, Result};
+
+/// How the temporary names begin, which a killed process leaves.
+pub(crate) const PARTIAL: &str = ".partial-";
 
 /// Writes `path` through `write`; if anything fails, what stood at `path` before still does.
 ///
@@ -20,16 +24,26 @@ pub fn write_atomically(
         // Like any other new file, not private to the owner as temporary files are.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut temporary = builder.prefix(".partial-").tempfile_in(folder)?;
+        let mut temporary = builder.prefix(PARTIAL).tempfile_in(folder)?;
         let mut writer = BufWriter::new(temporary.as_file_mut());
         write(&mut writer)?;
         writer.flush()?;
         drop(writer);
         temporary.as_file().sync_all()?;
         temporary.persist(path)?;
-        Ok(())
+        sync_folder(folder)
     };
     attempt().map_err(Error::io(path))
+}
+
+/// Returns once the names in a folder are on the disk. Only Unix opens folders as files.
+#[allow(clippy::disallowed_methods)]
+pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
+    #[cfg(unix)]
+    fs::File::open(folder)?.sync_all()?;
+    #[cfg(not(unix))]
+    let _ = folder;
+    Ok(())
 }
 
 #[cfg(test)]

@@ -58,7 +58,7 @@ pub use geometry::{GeometryField, GeometryShape, Representation};
 pub use instructions::product_instructions;
 pub use matmul::matrix_product;
 pub use mlp::{Backward, Mlp, MlpGradient, MlpShape, SummedGradient, Trace};
-pub use optimiser::{Adam, AdamSettings, NetworkUpdate, ParameterGroup, clipping_factor};
+pub use optimiser::{Adam, AdamSettings, NetworkUpdate, ParameterGroup};
 pub use parameters::{ParameterEntry, ParameterLayout};
 pub use real::Real;
 pub use skinning::{SkinningField, SkinningTrace, SkinningWeights};

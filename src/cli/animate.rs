@@ -7,7 +7,8 @@ use anyhow::{Context, bail};
 use rayon::prelude::*;
 use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
-use xavatar::body::BodyParameters;
+use xavatar::body::Pose;
+use xavatar::formats::{read_bytes, read_text};
 
 use super::extract::MeshFormat;
 use super::inputs::body_of;
@@ -71,7 +72,7 @@ struct Animated<'a> {
 /// A mesh to be made.
 struct Frame {
     path: PathBuf,
-    parameters: BodyParameters,
+    pose: Pose,
 }
 
 /// What a folder's meshes are made from, so that two animations never mix.
@@ -99,7 +100,7 @@ impl Animate {
         let avatar_file = if self.avatar.is_dir() { self.avatar.join(Avatar::FILE) } else { self.avatar.clone() };
         Source {
             avatar: std::path::absolute(&self.avatar)?,
-            avatar_checksum: checksum(&std::fs::read(&avatar_file)?),
+            avatar_checksum: checksum(&read_bytes(&avatar_file)?),
             motion: std::path::absolute(&self.motion)?,
             motion_checksum: checksum(format!("{:?}", clip.frames).as_bytes()),
             frames: total,
@@ -111,7 +112,8 @@ impl Animate {
         }
         .claim(&self.out, self.resume)?;
         let file = |number: usize| self.out.join(format!("mesh-f{number:05}.{}", self.format.extension()));
-        let frames = (1..).zip(clip.frames).map(|(number, parameters)| Frame { path: file(number), parameters });
+        let poses = clip.poses(Some(&body))?;
+        let frames = (1..).zip(poses).map(|(number, pose)| Frame { path: file(number), pose });
         let missing: Vec<Frame> = frames.filter(|frame| !frame.path.exists()).collect();
         let kept = total - missing.len();
         if kept > 0 {
@@ -132,15 +134,13 @@ impl Animate {
             dropped_components = topology.dropped_components();
             // Files of different frames are written at the same time.
             for frames in missing.chunks(rayon::current_num_threads()).take_while(|_| !stop.load(Ordering::Relaxed)) {
-                frames
-                    .par_iter()
-                    .try_for_each(|frame| self.format.write(&frame.path, &topology.pose(&frame.parameters)?))?;
+                frames.par_iter().try_for_each(|frame| self.format.write(&frame.path, &topology.pose(&frame.pose)?))?;
                 show(frames.len());
             }
         } else {
             let animator = Animator::new(&avatar, &body, &labels)?;
             for frame in missing.iter().take_while(|_| !stop.load(Ordering::Relaxed)) {
-                let extraction = animator.extract(&frame.parameters, self.resolution)?;
+                let extraction = animator.extract(&frame.pose, self.resolution)?;
                 dropped_components += extraction.dropped_components;
                 self.format.write(&frame.path, &extraction.mesh)?;
                 show(1);
@@ -178,7 +178,7 @@ impl Source<'_> {
         if !resume {
             bail!("{}: the folder is not empty; give a new --out, or --resume to go on with it", folder.display());
         }
-        let text = std::fs::read_to_string(&note)
+        let text = read_text(&note)
             .with_context(|| format!("{}: no animation was begun in this folder; give a new --out", note.display()))?;
         let noted: serde_json::Value = serde_json::from_str(&text)
             .with_context(|| format!("{}: not readable; give a new --out", note.display()))?;

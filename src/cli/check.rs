@@ -177,7 +177,7 @@ fn write_sequences(f: &mut Formatter<'_>, sequences: &[SequenceReport]) -> fmt::
 fn write_distances<'a>(
     f: &mut Formatter<'_>,
     name: &str,
-    distances: impl Iterator<Item = (&'a &'static str, &'a DistanceReport)>,
+    distances: impl Iterator<Item = (&'a String, &'a DistanceReport)>,
 ) -> fmt::Result {
     writeln!(f, "{name:<18} {:>10} {:>10}", "median", "95 %")?;
     for (part, distance) in distances {

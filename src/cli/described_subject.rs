@@ -13,7 +13,7 @@ use xavatar::data::{FrameId, RgbdSubject, ScanPlacement, Subject};
 pub struct SubjectDescription {
     layout: &'static str,
     gender: Gender,
-    betas: [f32; 10],
+    betas: Vec<f32>,
     /// Frames with a scan by `split/sequence`.
     scans: BTreeMap<String, usize>,
     /// RGB-D frames by `split/sequence`.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use image::RgbImage;
+use xavatar::body::Role;
 use xavatar::config::Config;
 use xavatar::data::{RgbdSource, RgbdSubject};
 use xavatar::evaluate::{FusionRow, FusionTable, SomeFrames, turned};
@@ -126,12 +127,15 @@ impl Fuse {
 
 /// The chamfer distances of the table as lines.
 fn picture(table: &FusionTable) -> xavatar::formats::Result<RgbImage> {
-    let series = ["all", "hands", "face"].iter().enumerate().map(|(part, name)| Series {
-        name: (*name).into(),
+    let parts = [("all", None), ("hands", Some(Role::Hands)), ("face", Some(Role::Face))];
+    let has = |role: Role| table.rows.iter().any(|row| row.mean.by_role.contains_key(&role));
+    let series = parts.into_iter().filter(|(_, role)| role.is_none_or(has)).map(|(name, role)| Series {
+        name: name.into(),
         points: table
             .rows
             .iter()
-            .map(|row| (row.turn, row.parts()[part].map_or(f64::NAN, |part| part.cd_mm)))
+            .map(|row| (row.turn, role.map_or(row.mean.all, |role| row.mean.of(role))))
+            .map(|(turn, metrics)| (turn, metrics.map_or(f64::NAN, |metrics| metrics.cd_mm)))
             .collect(),
     });
     let plot = Plot {

@@ -82,7 +82,8 @@ pub fn built_in_body(avatar: &Avatar) -> anyhow::Result<Option<(BodyModel, PartL
     const SAME_JOINT: f32 = 1e-4;
     let subject = BuiltInSubject::new()?;
     let joints = subject.model().canonical_joints(&avatar.subject.betas)?;
-    let is_same = joints.iter().zip(&avatar.subject.joints).all(|(joint, own)| joint.distance(*own) < SAME_JOINT);
+    let is_same = joints.len() == avatar.subject.joints.len()
+        && joints.iter().zip(&avatar.subject.joints).all(|(joint, own)| joint.distance(*own) < SAME_JOINT);
     Ok(is_same.then(|| (subject.model().clone(), subject.part_labels().clone())))
 }
 
@@ -90,7 +91,7 @@ pub fn built_in_body(avatar: &Avatar) -> anyhow::Result<Option<(BodyModel, PartL
 pub struct SubjectFrames {
     files: Vec<FrameFiles>,
     ids: Vec<FrameId>,
-    betas: [f32; 10],
+    betas: Vec<f32>,
     gender: Gender,
 }
 
@@ -100,7 +101,7 @@ impl SubjectFrames {
         Self {
             files: files.to_vec(),
             ids: files.iter().map(|files| files.id.clone()).collect(),
-            betas: subject.betas,
+            betas: subject.betas.clone(),
             gender: subject.gender,
         }
     }
@@ -131,8 +132,8 @@ impl FrameSource for SubjectFrames {
         read_frame(&self.files[index], &self.betas)
     }
 
-    fn betas(&self) -> [f32; 10] {
-        self.betas
+    fn betas(&self) -> &[f32] {
+        &self.betas
     }
 
     fn gender(&self) -> Gender {

@@ -2,8 +2,9 @@
 //!
 //! Results go to stdout, progress and errors to stderr (see `messages`). Exit codes: 0 done, 1 failed, 2 wrong usage, 3 stopped but resumable.
 
-// Everything said to the user goes through `log`'s macros, so that --quiet and --log-format hold for it.
-#![deny(clippy::print_stderr)]
+// What is said goes through `log`'s macros, so that --quiet and --log-format hold for it; results through `outputs::print`. Both
+// let nothing pass that steers a terminal, whatever file it came from.
+#![deny(clippy::print_stderr, clippy::print_stdout)]
 
 mod ablate;
 mod animate;
@@ -37,9 +38,12 @@ mod train;
 mod training;
 mod view;
 
+use std::borrow::Cow;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use xavatar::formats::Choice;
+use xavatar::{Error, InputError};
 
 const EXIT_FAILED: u8 = 1;
 const EXIT_WRONG_USAGE: u8 = 2;
@@ -108,7 +112,7 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Unfit) => EXIT_FAILED.into(),
         Ok(Outcome::Stopped) => EXIT_STOPPED.into(),
         Err(error) => {
-            log::error!("{}", message(&error));
+            log::error!("{}{}", message(&error), advice(&error));
             if error.is::<WrongUsage>() { EXIT_WRONG_USAGE } else { EXIT_FAILED }.into()
         }
     }
@@ -123,6 +127,26 @@ fn message(error: &anyhow::Error) -> String {
         }
     }
     message
+}
+
+/// The option that does what the error's remedy says, where this program has one.
+fn advice(error: &anyhow::Error) -> String {
+    let choice_of = |cause: &(dyn std::error::Error + 'static)| match cause.downcast_ref::<Error>() {
+        Some(error) => error.choice(),
+        None => cause.downcast_ref::<InputError>()?.remedy()?.choice(),
+    };
+    let option = |choice| -> Cow<'static, str> {
+        match choice {
+            Choice::SkipBadFrames => "--skip-bad-frames".into(),
+            Choice::ContinueRun => "--resume".into(),
+            Choice::StartRun => "the same command without --resume".into(),
+            Choice::Accept(defect) => format!("--accept {defect}").into(),
+            Choice::CheckData => "xavatar check".into(),
+            Choice::BoneMap => "--bone-map".into(),
+            Choice::LearningRate => "--set optimiser.learning_rate=...".into(),
+        }
+    };
+    error.chain().find_map(choice_of).map_or_else(String::new, |choice| format!(" ({})", option(choice)))
 }
 
 fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {

@@ -61,8 +61,9 @@ impl Train {
             log::info!("stopped; go on with\n  xavatar train {data} --body {body} --out {out} --resume");
             return Ok(Outcome::Stopped);
         }
-        println!("{}", self.out.join(Avatar::FILE).display());
-        log::info!("report: {}", self.write_report(&trainer.avatar(), &opened)?.display());
+        outputs::print(&format!("{}\n", self.out.join(Avatar::FILE).display()))?;
+        let report = self.write_report(&trainer.avatar()?, &opened)?;
+        log::info!("report: {}", report.display());
         log::info!(
             "try next\n  xavatar eval {out} {data} --body {body} --split test --baseline smplx+d\n  \
              xavatar extract {out} --out canonical.ply\n  \

@@ -8,7 +8,7 @@ use xavatar::view::{Server, Site};
 
 use super::inputs::{built_in_body, load_body};
 use super::motion::MotionArguments;
-use super::{Outcome, report};
+use super::{Outcome, outputs, report};
 
 /// Play with an avatar in the browser
 #[derive(clap::Args)]
@@ -49,7 +49,8 @@ impl View {
         // A port that is taken is known before the work.
         let server = Server::bind(&self.host, self.port)?;
         log::info!("preparing the avatar");
-        let rig = report::rig(&avatar, body.as_ref().map(|(body, _)| body), &clip)?;
+        let of_body = body.as_ref().map(|(body, _)| body);
+        let rig = report::rig(&avatar, of_body, &clip.poses(of_body)?, clip.frames_per_second)?;
         let animator = match &body {
             Some((body, labels)) => Some(Animator::new(&avatar, body, labels)?),
             None => None,
@@ -70,7 +71,7 @@ impl View {
         if !address.ip().is_loopback() {
             log::warn!("everyone who reaches {address} can use this avatar; without --host only this machine does");
         }
-        println!("http://{address}/");
+        outputs::print(&format!("http://{address}/\n"))?;
         log::info!("open this page in a browser; Ctrl-C ends it");
         server.run(&site);
         Ok(Outcome::Done)

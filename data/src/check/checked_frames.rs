@@ -7,7 +7,7 @@ use super::inspection::Inspector;
 use super::judgement::{Looked, described};
 use crate::{FrameId, FrameSource, ScanFrame};
 use xavatar_body::{BodyModel, Gender};
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Choice, Error, Remedy, Result};
 
 /// A source of frames, each of which is refused if something is wrong with it that was not accepted by name.
 pub struct CheckedFrames<'a> {
@@ -27,14 +27,17 @@ impl<'a> CheckedFrames<'a> {
         let looked = Looked {
             frame: frame.id.to_string(),
             inspection: self.inspector.inspect(frame, false)?,
-            translation: frame.parameters.transl,
-            pelvis: self.body.pose(&frame.parameters)?.joints[0],
+            translation: frame.parameters.translation(),
+            pelvis: self.body.pose(&self.body.resolve(&frame.parameters)?)?.joints[0],
             fits_instead: None,
         };
         let found = looked.inspection.observations.iter().map(|observation| described(observation, &looked));
         match found.into_iter().find(|(defect, _)| defect.is_problem() && !self.accepted.contains(defect)) {
             None => Ok(()),
-            Some((defect, message)) => Err(Error::Unfit { defect: defect.name(), message }),
+            Some((defect, message)) => {
+                let words = "leave the frame out, or accept this of all frames";
+                Err(Error::Unfit { message, remedy: Remedy::choosing(Choice::Accept(defect.name()), words) })
+            }
         }
     }
 }
@@ -50,7 +53,7 @@ impl FrameSource for CheckedFrames<'_> {
         Ok(frame)
     }
 
-    fn betas(&self) -> [f32; 10] {
+    fn betas(&self) -> &[f32] {
         self.source.betas()
     }
 

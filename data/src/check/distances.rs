@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::statistics::{height, percentile, strided};
 use crate::ScanFrame;
-use xavatar_body::{BodyModel, BodyParameters, HandPose, Part, PartLabels};
+use xavatar_body::{BodyModel, BodyParameters, HandPose, Part, PartLabels, Role, smplx};
 use xavatar_formats::Result;
 use xavatar_mesh::SurfaceIndex;
 
@@ -36,7 +36,7 @@ pub(super) struct Distances {
 
 impl Distances {
     pub fn of(frame: &ScanFrame, body: &BodyModel, labels: &PartLabels) -> Result<Self> {
-        let posed = body.mesh(body.pose(&frame.parameters)?.vertices);
+        let posed = body.mesh(body.pose(&body.resolve(&frame.parameters)?)?.vertices);
         let body_surface = SurfaceIndex::new(&posed)?;
         let to_body = strided(&frame.scan.vertices, POINTS).map(|&point| {
             let closest = body_surface.closest(point);
@@ -47,17 +47,19 @@ impl Distances {
         let to_body = to_body.collect();
 
         let scan_surface = SurfaceIndex::new(&frame.scan)?;
-        let hand_vertices = [labels.vertices_of(Part::LeftHand), labels.vertices_of(Part::RightHand)].concat();
+        let hand_vertices: Vec<usize> =
+            body.skeleton().parts_of(Role::Hands).flat_map(|part| labels.vertices_of(part)).collect();
         let hand_distances = |vertices: &[Vec3]| {
             let distance = |&vertex: &usize| scan_surface.closest(vertices[vertex]).distance * MILLIMETRES;
             strided(&hand_vertices, POINTS / 4).map(distance).collect::<Vec<_>>()
         };
-        let other = body.pose(&with_flat_hands(&frame.parameters))?;
-        Ok(Self {
-            to_body,
-            hands_to_scan: [hand_distances(&posed.vertices), hand_distances(&other.vertices)],
-            scan_to_body_height: height(&frame.scan.vertices) / height(&posed.vertices),
-        })
+        let other =
+            with_flat_hands(&frame.parameters).map(|parameters| body.pose(&body.resolve(&parameters)?)).transpose()?;
+        let hands_to_scan = match other {
+            Some(other) => [hand_distances(&posed.vertices), hand_distances(&other.vertices)],
+            None => [Vec::new(), Vec::new()],
+        };
+        Ok(Self { to_body, hands_to_scan, scan_to_body_height: height(&frame.scan.vertices) / height(&posed.vertices) })
     }
 }
 
@@ -70,15 +72,13 @@ pub(super) fn hands(measured: &[Distances]) -> Option<HandReport> {
     Some(HandReport { relative_to_mean_mm: median(0)?, flat_mm: median(1)? })
 }
 
-/// The same numbers, taken as absolute rotations.
-fn with_flat_hands(parameters: &BodyParameters) -> BodyParameters {
+/// The same numbers, taken as absolute rotations; none where they are already.
+fn with_flat_hands(parameters: &BodyParameters) -> Option<BodyParameters> {
+    let parameters = parameters.smplx().ok()?;
     let flat = |hand: &HandPose| match hand {
         HandPose::RelativeToMean(rotations) => HandPose::Flat(*rotations),
         other => other.clone(),
     };
-    BodyParameters {
-        left_hand_pose: flat(&parameters.left_hand_pose),
-        right_hand_pose: flat(&parameters.right_hand_pose),
-        ..parameters.clone()
-    }
+    let (left_hand_pose, right_hand_pose) = (flat(&parameters.left_hand_pose), flat(&parameters.right_hand_pose));
+    Some(smplx::Parameters { left_hand_pose, right_hand_pose, ..parameters.clone() }.into())
 }

@@ -52,6 +52,8 @@ pub enum Defect {
     Hands,
     /// Parameters that no registration has.
     Incomplete,
+    /// Things in scans' files that could not be read.
+    Lost,
     /// Scans without colours.
     NoColours,
     /// Scans with holes.
@@ -62,7 +64,7 @@ pub enum Defect {
 
 impl Defect {
     /// All kinds, the graver first.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 25] = [
         Self::NoFrames,
         Self::Unreadable,
         Self::NoSurface,
@@ -84,6 +86,7 @@ impl Defect {
         Self::Shapes,
         Self::Hands,
         Self::Incomplete,
+        Self::Lost,
         Self::NoColours,
         Self::Holes,
         Self::FewPoints,
@@ -114,6 +117,7 @@ impl Defect {
             Self::Shapes => "shapes",
             Self::Hands => "hands",
             Self::Incomplete => "incomplete",
+            Self::Lost => "lost",
             Self::NoColours => "no-colours",
             Self::Holes => "holes",
             Self::FewPoints => "few-points",

@@ -134,7 +134,7 @@ impl<'a> Inspector<'a> {
         if let Some(reason) = soundness.fault {
             return seen(vec![Observation::NoSurface(reason)]);
         }
-        let posed = self.body.pose(&frame.parameters)?;
+        let posed = self.body.pose(&self.body.resolve(&frame.parameters)?)?;
         let body = self.body.mesh(posed.vertices.clone());
         let ((scan_centre, scan_size), (body_centre, body_size)) = (place_and_size(scan), place_and_size(&body));
         let factor = scan_size / body_size;
@@ -161,7 +161,7 @@ impl<'a> Inspector<'a> {
     /// # Errors
     /// Those of [`BodyModel::pose`]; if the scan has no area.
     pub fn is_of(&self, scan: &TriangleMesh, parameters: &BodyParameters) -> Result<bool> {
-        let posed = self.body.pose(parameters)?;
+        let posed = self.body.pose(&self.body.resolve(parameters)?)?;
         let body = SurfacePoints::new(&self.body.mesh(posed.vertices.clone()), BODY_POINTS)?;
         let fits = self.fits(&SurfacePoints::new(scan, SCAN_POINTS)?, &body, &posed);
         Ok(Limb::all().all(|limb| !is_off(limb, &fits[limb.index()])))
@@ -227,7 +227,7 @@ impl<'a> Inspector<'a> {
             }
         }
         let mut cores: Vec<Vec<Vec3>> = of_limbs.iter().map(|_| Vec::new()).collect();
-        for (limb, core) in Segments::cores(posed) {
+        for (limb, core) in self.segments.cores(posed) {
             cores[limb.index()].push(core);
         }
         let a_scan_point = scan.area / some_of_scan().len() as f32;

@@ -33,9 +33,10 @@ pub(super) use statistics::{count_sequences, distances_by_part, height, percenti
 use self::distances::Distances;
 use self::inspection::{Inspector, Observation};
 use self::judgement::{Judged, Looked};
-use super::{FrameFiles, ScanFrame, ScanPlacement, Subject, read_frame};
-use xavatar_body::{BodyModel, BodyParameters, PartLabels};
+use super::{FrameFiles, FrameNotes, ScanFrame, ScanPlacement, Subject, read_frame};
+use xavatar_body::{BodyModel, PartLabels};
 use xavatar_formats::Result;
+use xavatar_mesh::Note;
 
 /// Frames that are measured to the millimetre.
 const MEASURED: usize = 16;
@@ -64,7 +65,7 @@ pub struct CheckReport {
     /// Those of them that were measured.
     pub measured_frames: usize,
     /// Distance from scan points to the registered body by part.
-    pub distances: BTreeMap<&'static str, DistanceReport>,
+    pub distances: BTreeMap<String, DistanceReport>,
     /// Inspected scans whose every edge, seams merged, has two faces.
     pub watertight_scans: usize,
     /// Most open edges of an inspected scan.
@@ -95,11 +96,11 @@ pub fn check(
     labels: &PartLabels,
     progress: &(dyn Fn() + Sync),
 ) -> Result<CheckReport> {
-    let standing = body.pose(&BodyParameters { betas: subject.betas, ..BodyParameters::default() })?;
+    let standing = body.pose(&body.skeleton().rest_pose().in_shape(&subject.betas))?;
     let files: Vec<&FrameFiles> = subject.train.iter().chain(&subject.test).collect();
     let stride = files.len().div_ceil(MEASURED).max(1);
     let inspector = Inspector::new(body);
-    let frames: Vec<Result<(Looked, Option<Distances>)>> = files
+    let frames: Vec<Result<(Looked, Vec<Note>, Option<Distances>)>> = files
         .par_iter()
         .enumerate()
         .map(|(place, files)| {
@@ -109,7 +110,7 @@ pub fn check(
                     .and_then(|looked| {
                         let is_measured = place % stride == 0 && !looked.is_beyond_measure();
                         let distances = is_measured.then(|| Distances::of(&frame, body, labels)).transpose()?;
-                        Ok((looked, distances))
+                        Ok((looked, frame.notes.clone(), distances))
                     })
                     .map_err(|error| error.in_frame(name))
             });
@@ -118,10 +119,15 @@ pub fn check(
         })
         .collect();
 
+    let mut notes = FrameNotes::default();
+    for (files, seen) in files.iter().zip(&frames) {
+        seen.iter().for_each(|(_, lost, _)| notes.add(&files.id, lost));
+    }
     let reasons = frames.iter().map(|frame| frame.as_ref().err().map(reason));
     let (sequences, unusable) = count_sequences(files.iter().map(|files| &files.id).zip(reasons));
     let places: Vec<usize> = (0..frames.len()).filter(|place| frames[*place].is_ok()).collect();
-    let (mut looked, measured): (Vec<Looked>, Vec<Option<Distances>>) = frames.into_iter().flatten().unzip();
+    let (mut looked, measured): (Vec<Looked>, Vec<Option<Distances>>) =
+        frames.into_iter().flatten().map(|(looked, _, measured)| (looked, measured)).unzip();
     find_other_frames(&mut looked, &places, &files, subject, &inspector);
     let measured: Vec<Distances> = measured.into_iter().flatten().collect();
     let Judged { findings, mend } = judgement::judge(&looked);
@@ -136,7 +142,7 @@ pub fn check(
         sequences,
         inspected_frames: looked.len(),
         measured_frames: measured.len(),
-        distances: distances_by_part(measured.iter().flat_map(|frame| frame.to_body.iter().copied())),
+        distances: distances_by_part(body.skeleton(), measured.iter().flat_map(|frame| frame.to_body.iter().copied())),
         watertight_scans: topologies().filter(|topology| topology.is_watertight()).count(),
         most_open_edges: topologies().map(|topology| topology.open_edges).max().unwrap_or(0),
         coloured_scans: looked.iter().filter(|one| one.inspection.has_colours).count(),
@@ -148,7 +154,7 @@ pub fn check(
         mend,
     };
     let (problems, warnings) =
-        report.of_subject(subject).into_iter().chain(findings).partition(|finding| finding.name.is_problem());
+        report.of_subject(subject, &notes).into_iter().chain(findings).partition(|finding| finding.name.is_problem());
     (report.problems, report.warnings) = (problems, warnings);
     Ok(report)
 }
@@ -156,11 +162,11 @@ pub fn check(
 /// Inspects one frame.
 fn look(frame: &ScanFrame, inspector: &Inspector<'_>, body: &BodyModel) -> Result<Looked> {
     let inspection = inspector.inspect(frame, true)?;
-    let pelvis = body.pose(&frame.parameters)?.joints[0];
+    let pelvis = body.pose(&body.resolve(&frame.parameters)?)?.joints[0];
     Ok(Looked {
         frame: frame.id.to_string(),
         inspection,
-        translation: frame.parameters.transl,
+        translation: frame.parameters.translation(),
         pelvis,
         fits_instead: None,
     })
@@ -192,7 +198,7 @@ fn find_other_frames(
             let near = place.saturating_sub(NEIGHBOURS)..(place + NEIGHBOURS + 1).min(files.len());
             near.filter(|other| *other != place).find_map(|other| {
                 let parameters = files[other].read_parameters(&subject.betas).ok()?;
-                let fits = inspector.is_of(&frame.scan, &parameters).unwrap_or(false);
+                let fits = inspector.is_of(&frame.scan, &parameters.into()).unwrap_or(false);
                 fits.then(|| files[other].id.to_string())
             })
         })
@@ -210,7 +216,7 @@ impl CheckReport {
     }
 
     /// Findings about the subject as a whole.
-    fn of_subject(&self, subject: &Subject) -> Vec<Finding> {
+    fn of_subject(&self, subject: &Subject, notes: &FrameNotes) -> Vec<Finding> {
         let usable = |split: &str| {
             let of_split = self.sequences.iter().filter(|sequence| sequence.split == split);
             of_split.map(|sequence| sequence.frames - sequence.unusable).sum::<usize>()
@@ -254,6 +260,7 @@ impl CheckReport {
             );
             add(Defect::Hands, text);
         }
+        notes.lines().for_each(|line| add(Defect::Lost, line));
         let colourless = self.inspected_frames - self.coloured_scans;
         if colourless > 0 {
             let text = format!(

@@ -4,7 +4,7 @@
 
 use glam::Vec3;
 
-use xavatar_body::{BodyModel, JOINT_NAMES, JOINTS, PARENTS, PosedBody};
+use xavatar_body::{BodyModel, PosedBody};
 
 /// The limbs, in the order in which they are reported.
 const LIMBS: [&str; 14] = [
@@ -34,6 +34,8 @@ pub(super) struct Limb(usize);
 pub(super) struct Segments {
     /// The limb of each face (F).
     pub of_faces: Vec<Limb>,
+    /// Joints and their parents between which a line lies deep in a limb: the limb, the parent, the joint.
+    bones: Vec<(Limb, usize, usize)>,
 }
 
 impl Limb {
@@ -63,8 +65,8 @@ impl Limb {
         matches!(name, "head" | "torso") || name.ends_with("thigh") || name.ends_with("shin")
     }
 
-    fn of_joint(joint: usize) -> Self {
-        let name = JOINT_NAMES[joint];
+    /// The limb of a joint, by the names that SMPL's descendants share.
+    fn of_joint(name: &str) -> Self {
         let (side, rest) = name.split_once('_').unwrap_or(("", name));
         let limb = match rest {
             "hip" => "thigh",
@@ -84,26 +86,30 @@ impl Limb {
 
 impl Segments {
     pub fn of(body: &BodyModel) -> Self {
+        let skeleton = body.skeleton();
         let largest = |row: &[f32]| (0..row.len()).max_by(|a, b| row[*a].total_cmp(&row[*b])).unwrap_or(0);
-        let of_vertices: Vec<Limb> =
-            body.skinning_weights().chunks_exact(JOINTS).map(|row| Limb::of_joint(largest(row))).collect();
-        // A face at a border belongs to the limb of its first corner.
-        Self { of_faces: body.faces().iter().map(|face| of_vertices[face[0] as usize]).collect() }
+        let rows = body.skinning_weights().chunks_exact(skeleton.joints.len());
+        let of_vertices: Vec<Limb> = rows.map(|row| Limb::of_joint(&skeleton.joints[largest(row)])).collect();
+        let bone = |joint: usize| {
+            let parent = skeleton.parents[joint]?;
+            let name = &skeleton.joints[parent];
+            let limb = Limb::of_joint(name);
+            // Fingers are too thin, and jaw and eyes too near to the surface.
+            let in_finger = limb.is_bare() && !name.ends_with("wrist");
+            (!in_finger && name != "head").then_some((limb, parent, joint))
+        };
+        Self {
+            // A face at a border belongs to the limb of its first corner.
+            of_faces: body.faces().iter().map(|face| of_vertices[face[0] as usize]).collect(),
+            bones: (0..skeleton.joints.len()).filter_map(bone).collect(),
+        }
     }
 
     /// Points inside a posed body, deep in each limb.
-    pub fn cores(body: &PosedBody) -> Vec<(Limb, Vec3)> {
-        let mut cores = Vec::new();
-        for joint in 1..JOINTS {
-            let parent = PARENTS[joint];
-            let (name, limb) = (JOINT_NAMES[parent], Limb::of_joint(parent));
-            // Fingers are too thin, and jaw and eyes too near to the surface.
-            let in_finger = limb.is_bare() && !name.ends_with("wrist");
-            if !in_finger && name != "head" {
-                cores.extend(ALONG_BONE.map(|share| (limb, body.joints[parent].lerp(body.joints[joint], share))));
-            }
-        }
-        cores
+    pub fn cores(&self, body: &PosedBody) -> impl Iterator<Item = (Limb, Vec3)> {
+        self.bones.iter().flat_map(|&(limb, parent, joint)| {
+            ALONG_BONE.map(|share| (limb, body.joints[parent].lerp(body.joints[joint], share)))
+        })
     }
 }
 
@@ -130,8 +136,7 @@ mod tests {
             ("right_ankle", "right foot"),
             ("left_foot", "left foot"),
         ] {
-            let number = JOINT_NAMES.iter().position(|name| *name == joint).unwrap();
-            assert_eq!(Limb::of_joint(number).name(), limb, "{joint}");
+            assert_eq!(Limb::of_joint(joint).name(), limb, "{joint}");
         }
     }
 }

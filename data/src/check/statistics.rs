@@ -6,7 +6,7 @@ use glam::Vec3;
 use serde::Serialize;
 
 use crate::FrameId;
-use xavatar_body::Part;
+use xavatar_body::{Part, Skeleton};
 
 /// The frames of one sequence.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -80,18 +80,17 @@ pub(crate) fn count_sequences<'a>(
 
 /// Distances (millimetres) of points by their part, and of all.
 pub(crate) fn distances_by_part(
+    skeleton: &Skeleton,
     points: impl Iterator<Item = (Part, f32)> + Clone,
-) -> BTreeMap<&'static str, DistanceReport> {
-    let names =
-        [("body", Part::Body), ("face", Part::Face), ("left hand", Part::LeftHand), ("right hand", Part::RightHand)];
+) -> BTreeMap<String, DistanceReport> {
     let report = |part: Option<Part>| {
         let of_part = points.clone().filter(|(found, _)| part.is_none_or(|part| *found == part));
         let values: Vec<f32> = of_part.map(|(_, distance)| distance).collect();
         let percentile_95_mm = percentile(values.clone(), 0.95)?;
         Some(DistanceReport { median_mm: percentile(values, 0.5)?, percentile_95_mm })
     };
-    let parts = names.into_iter().filter_map(|(name, part)| Some((name, report(Some(part))?)));
-    parts.chain(report(None).map(|all| ("all", all))).collect()
+    let parts = skeleton.parts().filter_map(|(part, group)| Some((group.title(), report(Some(part))?)));
+    parts.chain(report(None).map(|all| ("all".to_owned(), all))).collect()
 }
 
 /// The error without the frame's name, which stands beside it.

@@ -5,7 +5,7 @@
 use glam::{Quat, Vec3};
 
 use super::Motion;
-use xavatar_body::{BodyParameters, HandPose, PoseAxisAngle};
+use xavatar_body::{HandPose, PoseAxisAngle, smplx};
 
 /// A body that stands for most of a clip has the mean of its own up axis this close to one axis of the world (a cosine).
 const STANDS: f32 = 0.8;
@@ -100,7 +100,7 @@ pub enum Translation {
 
 impl Translation {
     /// Applies it to frames that are Y up.
-    pub(super) fn apply(self, frames: &mut [BodyParameters]) {
+    pub(super) fn apply(self, frames: &mut [smplx::Parameters]) {
         let start = frames.first().map_or(Vec3::ZERO, |frame| frame.transl * Vec3::new(1.0, 0.0, 1.0));
         for frame in frames {
             frame.transl = match self {
@@ -143,7 +143,7 @@ impl Motion {
 
     /// The axis along which the body stands, head up, for most of the motion; `None` if it lies, bends or tumbles.
     pub(super) fn standing_axis(&self) -> Option<UpAxis> {
-        let up = |frame: &BodyParameters| Quat::from_scaled_axis(frame.global_orient.0) * Vec3::Y;
+        let up = |frame: &smplx::Parameters| Quat::from_scaled_axis(frame.global_orient.0) * Vec3::Y;
         let mean = self.frames.iter().map(up).sum::<Vec3>() / self.frames.len().max(1) as f32;
         let axes = [UpAxis::Y, UpAxis::Z, UpAxis::MinusY];
         axes.into_iter().find(|axis| mean.dot(axis.direction()) > STANDS)
@@ -166,19 +166,19 @@ pub(super) fn shortest(rotation: Quat) -> Quat {
 mod tests {
     use super::*;
 
-    fn motion(up: UpAxis, frame: BodyParameters) -> Motion {
+    fn motion(up: UpAxis, frame: smplx::Parameters) -> Motion {
         Motion { frames: vec![frame], up, ..Motion::default() }
     }
 
     // Where a point of the body is: R (x - p) + p + t.
-    fn place(frame: &BodyParameters, pelvis: Vec3, point: Vec3) -> Vec3 {
+    fn place(frame: &smplx::Parameters, pelvis: Vec3, point: Vec3) -> Vec3 {
         Quat::from_scaled_axis(frame.global_orient.0) * (point - pelvis) + pelvis + frame.transl
     }
 
     #[test]
     fn turning_the_world_turns_every_point_of_the_body() {
         let pelvis = Vec3::new(0.0, -0.35, 0.02);
-        let frame = BodyParameters {
+        let frame = smplx::Parameters {
             global_orient: PoseAxisAngle(Vec3::new(1.4, -0.3, 0.7)),
             transl: Vec3::new(1.0, 2.0, 3.0),
             ..Default::default()
@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_standing_body_shows_which_axis_is_up() {
-        let standing = |turn: Vec3| BodyParameters { global_orient: PoseAxisAngle(turn), ..Default::default() };
+        let standing = |turn: Vec3| smplx::Parameters { global_orient: PoseAxisAngle(turn), ..Default::default() };
         let quarter = std::f32::consts::FRAC_PI_2;
         let (along_z, along_y) = (standing(Vec3::X * quarter), standing(Vec3::Y * 2.0));
         assert_eq!(motion(UpAxis::Y, along_z.clone()).standing_axis(), Some(UpAxis::Z));
@@ -214,7 +214,7 @@ mod tests {
     #[test]
     fn translation_is_kept_moved_or_left_out() {
         let frames: Vec<_> = [Vec3::new(1.0, 2.0, 3.0), Vec3::new(2.0, 2.5, 4.0)]
-            .map(|transl| BodyParameters { transl, ..Default::default() })
+            .map(|transl| smplx::Parameters { transl, ..Default::default() })
             .to_vec();
         let places = |translation: Translation| {
             let mut frames = frames.clone();

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::{Motion, Onto, amass, bvh, grab, named, own};
 use crate::xhumans::{motion_files, parameters_of};
-use xavatar_body::BodyParameters;
-use xavatar_formats::{ArrayMap, Error, Result, excerpt, read_npz, read_pickle_arrays};
+use xavatar_body::smplx;
+use xavatar_formats::{ArrayMap, Error, Result, excerpt, open_file, read_npz, read_pickle_arrays};
 
 /// Bytes that tell what a file is.
 const START: u64 = 256;
@@ -36,7 +36,7 @@ pub(super) fn read(path: &Path, onto: &Onto) -> Result<Motion> {
     if path.is_dir() {
         return read_folder(path, onto);
     }
-    if !path.is_file() {
+    if !path.exists() {
         return Err(Error::Missing {
             path: path.into(),
             what: "a motion".into(),
@@ -68,13 +68,12 @@ pub(super) fn read(path: &Path, onto: &Onto) -> Result<Motion> {
 }
 
 fn unrecognised(path: &Path, tried: Vec<String>) -> Error {
-    Error::Unrecognised { path: path.into(), what: "motion", tried, remedy: "docs/motion.md has the formats" }
+    Error::Unrecognised { path: path.into(), what: "motion", tried, remedy: "docs/motion.md has the formats".into() }
 }
 
 fn start_of(path: &Path) -> Result<Vec<u8>> {
     let mut start = Vec::new();
-    let file = std::fs::File::open(path).map_err(Error::io(path))?;
-    file.take(START).read_to_end(&mut start).map_err(Error::io(path))?;
+    open_file(path)?.take(START).read_to_end(&mut start).map_err(Error::io(path))?;
     Ok(start)
 }
 
@@ -129,7 +128,7 @@ fn read_xhumans_frame(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     Ok(xhumans_motion(path, vec![parameters_of(path, arrays)?]))
 }
 
-fn xhumans_motion(source: &Path, frames: Vec<BodyParameters>) -> Motion {
+fn xhumans_motion(source: &Path, frames: Vec<smplx::Parameters>) -> Motion {
     Motion {
         frames,
         source: format!("{} (X-Humans frames)", source.display()),

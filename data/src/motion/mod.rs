@@ -20,12 +20,12 @@ mod timing;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use xavatar_body::BodyParameters;
+use xavatar_body::smplx;
 use xavatar_formats::Result;
 
 pub use clip::{Clip, MotionOptions};
 pub use conventions::{HandConvention, Translation, UpAxis};
-pub(crate) use named::read as read_named;
+pub(crate) use named::{read as read_named, recognised as has_named};
 pub use own::write_motion;
 pub use rest::RestPose;
 
@@ -33,7 +33,7 @@ pub use rest::RestPose;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
     /// The parameters of each frame (T), at least one.
-    pub frames: Vec<BodyParameters>,
+    pub frames: Vec<smplx::Parameters>,
     /// How fast the frames follow each other, if the source says.
     pub frames_per_second: Option<f32>,
     /// The axis that points up.

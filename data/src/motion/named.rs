@@ -14,7 +14,7 @@ use glam::{DMat3, DQuat, DVec3, Vec3};
 
 use super::{Motion, UpAxis};
 use crate::fields::Fields;
-use xavatar_body::{BodyParameters, HandPose, PoseAxisAngle};
+use xavatar_body::{HandPose, PoseAxisAngle, smplx};
 use xavatar_formats::{Array, ArrayMap, Error, Result, element_count};
 
 const FORMAT: &str = "SMPL-X parameters";
@@ -35,7 +35,7 @@ const TRANSLATION: &[&str] = &["transl", "trans", "smplx_transl", "cam_trans", "
 const RATE: &[&str] = &["frames_per_second", "fps", "mocap_frame_rate", "mocap_framerate"];
 const FLAT_HANDS: &str = "flat_hand_mean";
 
-pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
+pub(crate) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
     let found = arrays.keys().any(|key| BODY.contains(&leaf(key)));
     found.then_some(()).ok_or_else(|| format!("no {}, alone or under a prefix", quoted(BODY)))
 }
@@ -70,7 +70,7 @@ pub(crate) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     }
     let rate = RATE.iter().find(|name| arrays.contains_key(**name));
     motion.frames_per_second = match rate {
-        Some(name) => Some(fields.vector::<1>(name)?[0]),
+        Some(name) => Some(fields.number(name)?),
         None => None,
     };
     if let Some(rate) = motion.frames_per_second.filter(|rate| *rate <= 0.0) {
@@ -130,8 +130,8 @@ impl Chunk<'_> {
         let (jaws, left_eyes, right_eyes) = (single(JAW)?, single(LEFT_EYE)?, single(RIGHT_EYE)?);
         let left_hands = self.hands(LEFT_HAND, count, kind, &mut zeroed)?;
         let right_hands = self.hands(RIGHT_HAND, count, kind, &mut zeroed)?;
-        let expressions = self.coefficients(EXPRESSION, count, &mut zeroed)?;
-        let betas = self.coefficients(BETAS, count, &mut zeroed)?;
+        let expressions = self.coefficients(EXPRESSION, smplx::EXPRESSIONS, count, &mut zeroed)?;
+        let betas = self.coefficients(BETAS, smplx::SHAPES, count, &mut zeroed)?;
         let translations = match self.find(TRANSLATION) {
             Some((key, array)) => self.numbers(&key, array, 3 * count)?,
             None => {
@@ -140,9 +140,9 @@ impl Chunk<'_> {
             }
         };
         let hands = left_hands.into_iter().zip(right_hands).enumerate();
-        let frames = hands.map(|(index, (left_hand_pose, right_hand_pose))| BodyParameters {
-            betas: betas[index],
-            expression: expressions[index],
+        let frames = hands.map(|(index, (left_hand_pose, right_hand_pose))| smplx::Parameters {
+            betas: betas[index].clone(),
+            expression: expressions[index].clone(),
             global_orient: roots[index],
             body_pose: std::array::from_fn(|joint| bodies[index][joint]),
             jaw_pose: jaws[index],
@@ -246,31 +246,32 @@ impl Chunk<'_> {
         let key = format!("{}{FLAT_HANDS}", self.prefix);
         let key = [key.as_str(), FLAT_HANDS].into_iter().find(|key| self.fields.arrays.contains_key(*key));
         match key {
-            Some(key) => Ok(self.fields.vector::<1>(key)? != [0.0]),
+            Some(key) => Ok(self.fields.number(key)? != 0.0),
             None => Ok(false),
         }
     }
 
-    /// The first 10 of at least as many coefficients a frame, or of all frames.
+    /// The first `used` of at least as many coefficients a frame, or of all frames.
     fn coefficients(
         &self,
         names: &'static [&'static str],
+        used: usize,
         count: usize,
         zeroed: &mut Vec<String>,
-    ) -> Result<Vec<[f32; 10]>> {
+    ) -> Result<Vec<Vec<f32>>> {
         let Some((key, array)) = self.find(names) else {
             zeroed.push(names[0].to_owned());
-            return Ok(vec![[0.0; 10]; count]);
+            return Ok(vec![Vec::new(); count]);
         };
         let elements = element_count(&array.shape).unwrap_or(0);
         let width = array.shape.last().copied().unwrap_or(0);
         let rows = elements.checked_div(width).unwrap_or(0);
-        if width < 10 || (rows != 1 && rows != count) {
-            let expected = format!("10 or more coefficients, once or for {count} frames");
+        if width < used || (rows != 1 && rows != count) {
+            let expected = format!("{used} or more coefficients, once or for {count} frames");
             return Err(self.fields.malformed(&key, array.description(), expected));
         }
         let values = self.numbers(&key, array, elements)?;
-        let row = |index: usize| std::array::from_fn(|coefficient| values[index % rows * width + coefficient]);
+        let row = |index: usize| values[index % rows * width..][..used].to_vec();
         Ok((0..count).map(row).collect())
     }
 }

@@ -16,7 +16,7 @@ use crate::check::{
     Defect, DistanceReport, Finding, SequenceReport, UNITS, UnusableFrame, count_sequences, distances_by_part, height,
     percentile, reason, strided,
 };
-use xavatar_body::{BodyModel, BodyParameters, Part, PartLabels, Registration};
+use xavatar_body::{BodyModel, Part, PartLabels, Registration};
 use xavatar_formats::Result;
 use xavatar_mesh::camera::PinholeCamera;
 
@@ -50,7 +50,7 @@ pub struct RgbdCheckReport {
     /// Median number of surface points of the measured frames.
     pub points: Option<usize>,
     /// Distance from surface points to the nearest vertex of the registered body by part.
-    pub distances: BTreeMap<&'static str, DistanceReport>,
+    pub distances: BTreeMap<String, DistanceReport>,
     /// Median of measured depth by that of the registered body: 1 if both are in metres.
     pub depth_to_body: Option<f32>,
     /// How high the body would be if the depths were right, metres.
@@ -73,7 +73,7 @@ pub fn check_rgbd(
     labels: &PartLabels,
     progress: &(dyn Fn() + Sync),
 ) -> Result<RgbdCheckReport> {
-    let standing = body.pose(&BodyParameters { betas: subject.betas, ..BodyParameters::default() })?;
+    let standing = body.pose(&body.skeleton().rest_pose().in_shape(&subject.betas))?;
     let body_height = height(&standing.vertices);
     let files: Vec<&RgbdFiles> = subject.train.iter().chain(&subject.test).collect();
     let stride = files.len().div_ceil(MEASURED).max(1);
@@ -101,7 +101,7 @@ pub fn check_rgbd(
         sequences,
         measured_frames: placements.len(),
         points: points.map(|points| points as usize),
-        distances: distances_by_part(clouds.iter().flat_map(|cloud| cloud.to_body.iter().copied())),
+        distances: distances_by_part(body.skeleton(), clouds.iter().flat_map(|cloud| cloud.to_body.iter().copied())),
         depth_to_body,
         apparent_height: depth_to_body.map(|ratio| ratio * body_height),
         unusable,
@@ -139,7 +139,7 @@ struct Placement {
     instead: Option<&'static str>,
 }
 
-fn look_at(files: &RgbdFiles, betas: &[f32; 10], body: &BodyModel, labels: &PartLabels, measured: bool) -> Seen {
+fn look_at(files: &RgbdFiles, betas: &[f32], body: &BodyModel, labels: &PartLabels, measured: bool) -> Seen {
     let raw = match files.read_raw(betas) {
         Ok(raw) => raw,
         Err(error) => return Seen { placement: None, usable: Err(error) },
@@ -147,7 +147,7 @@ fn look_at(files: &RgbdFiles, betas: &[f32; 10], body: &BodyModel, labels: &Part
     if !measured {
         return Seen { placement: None, usable: files.interpret(raw).map(|_| None) };
     }
-    let posed = match body.pose(&raw.frame.parameters) {
+    let posed = match body.resolve(&raw.frame.parameters).and_then(|pose| body.pose(&pose)) {
         Ok(posed) => posed,
         Err(error) => return Seen { placement: None, usable: Err(error) },
     };

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cameras::PixelOrigin;
 use xavatar_body::Gender;
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Error, Result, read_text};
 
 const FORMAT: &str = "RGB-D layout";
 
@@ -27,9 +27,9 @@ pub(super) struct Layout {
 
 /// The subject's shape: the numbers, or an npy file of them.
 #[derive(Deserialize, Serialize)]
-#[serde(untagged, expecting = "`betas` has to be 10 numbers or the name of an npy file")]
+#[serde(untagged, expecting = "`betas` has to be numbers or the name of an npy file")]
 pub(crate) enum Shape {
-    Numbers([f32; 10]),
+    Numbers(Vec<f32>),
     File(PathBuf),
 }
 
@@ -48,10 +48,17 @@ pub(super) enum NamedUnit {
     Millimetres,
 }
 
-/// One camera for all sequences, pixels.
+/// One camera for all sequences: pixels, or a file that has them.
+#[derive(Deserialize, Serialize)]
+#[serde(untagged, expecting = "`intrinsics` has to be fx, fy, cx and cy, or the name of a file with a 3 x 3 matrix")]
+pub(super) enum Calibration {
+    Numbers(FocalLengths),
+    File(PathBuf),
+}
+
 #[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Calibration {
+pub(super) struct FocalLengths {
     pub fx: f32,
     pub fy: f32,
     pub cx: f32,
@@ -72,7 +79,7 @@ pub(super) struct Sequence {
     pub depth: PathBuf,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mask: Option<PathBuf>,
-    /// `cameras.npz`, `.toml` or `.json`, whichever is there, if not given.
+    /// A file, or a folder with one a frame; `cameras.npz`, `.toml` or `.json`, whichever is there, if not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cameras: Option<PathBuf>,
     #[serde(default = "bodies_folder")]
@@ -117,7 +124,7 @@ impl Layout {
     /// [`Error::Io`]; [`Error::Malformed`] naming the line or the setting.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join(Self::FILE);
-        let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
+        let text = read_text(&path)?;
         let layout: Self = toml::from_str(&text).map_err(|error| {
             let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
             malformed(&path, format!("line {line}"), error.message(), "what docs/rgbd.md describes")

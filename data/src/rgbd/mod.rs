@@ -3,6 +3,7 @@
 //! Files -> [`RgbdSubject`] -> [`RgbdFrame`] -> [`PointCloud`]. Layouts: X-Humans' `render` folders, and plain folders that a
 //! `rgbd.toml` describes (docs/rgbd.md).
 
+mod association;
 mod cameras;
 mod check;
 mod depth_file;
@@ -10,8 +11,10 @@ mod depth_write;
 mod frame;
 mod layout;
 mod normals;
+mod numbering;
 mod plain;
 mod point_cloud;
+mod recordings;
 mod subject;
 mod write;
 mod xhumans;

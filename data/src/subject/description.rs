@@ -8,7 +8,7 @@ use super::rules::HandZero;
 use crate::placement::ScanPlacement;
 use crate::rgbd::{Shape, Split};
 use xavatar_body::Gender;
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Error, Result, read_text};
 
 const FORMAT: &str = "description of a subject";
 
@@ -69,7 +69,7 @@ impl Description {
         if !path.is_file() {
             return Ok(Self::default());
         }
-        let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
+        let text = read_text(&path)?;
         let malformed = |place: String, found: String, expected: &str| Error::Malformed {
             path: path.clone(),
             format: FORMAT,

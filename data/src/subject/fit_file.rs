@@ -8,15 +8,15 @@ use std::path::Path;
 use glam::Vec3;
 
 use crate::json::read_json_arrays;
-use crate::motion::read_named;
+use crate::motion::{has_named, read_named};
 use crate::xhumans::parameters_of;
-use xavatar_body::{BodyParameters, Gender};
-use xavatar_formats::{Array, ArrayMap, Error, Result, read_npz, read_pickle_arrays};
+use xavatar_body::{Gender, smplx};
+use xavatar_formats::{Array, ArrayMap, Error, Result, open_file, read_npz, read_pickle_arrays};
 
 /// A frame's registration, as its file has it.
 pub(super) struct Fit {
     /// The file's own shape included.
-    pub parameters: BodyParameters,
+    pub parameters: smplx::Parameters,
     /// Whether the file has a shape.
     pub has_betas: bool,
     /// The scan's size by the body's, and the shift of the scan, metres of the scan.
@@ -37,14 +37,17 @@ pub(super) fn read_fit(path: &Path) -> Result<Fit> {
     let gender = arrays.get("gender").and_then(Array::text).and_then(|text| text.parse().ok());
     let scaled = scaling(path, &arrays)?;
     let has_betas = arrays.keys().any(|key| matches!(leaf(key), "betas" | "shape"));
-    // All parameters under smplx's names, as X-Humans has them.
-    if let Ok(parameters) = parameters_of(path, &arrays) {
-        let parameters = BodyParameters { betas: own_betas(&arrays).unwrap_or_default(), ..parameters };
-        return Ok(Fit { parameters, has_betas, scaled, gender, absent: Vec::new() });
-    }
-    let motion = read_named(path, &arrays)?;
+    // All parameters under smplx's names, as X-Humans has them; or under other names, or some of them.
+    let motion = match parameters_of(path, &arrays) {
+        Ok(parameters) => {
+            let parameters = smplx::Parameters { betas: own_betas(&arrays).unwrap_or_default(), ..parameters };
+            return Ok(Fit { parameters, has_betas, scaled, gender, absent: Vec::new() });
+        }
+        Err(_) if has_named(&arrays).is_ok() => read_named(path, &arrays)?,
+        Err(error) => return Err(error),
+    };
     let count = motion.frames.len();
-    let [mut parameters] = <[BodyParameters; 1]>::try_from(motion.frames).map_err(|_| Error::Mismatch {
+    let [mut parameters] = <[smplx::Parameters; 1]>::try_from(motion.frames).map_err(|_| Error::Mismatch {
         path: path.into(),
         found: format!("the registrations of {count} frames"),
         expected: "one frame's".into(),
@@ -58,10 +61,10 @@ pub(super) fn read_fit(path: &Path) -> Result<Fit> {
 }
 
 fn read_arrays(path: &Path) -> Result<ArrayMap> {
-    let mut start = [0; 2];
-    let mut file = std::fs::File::open(path).map_err(Error::io(path))?;
-    let count = std::io::Read::read(&mut file, &mut start).map_err(Error::io(path))?;
-    match &start[..count] {
+    let mut start = Vec::new();
+    let file = open_file(path)?;
+    std::io::Read::read_to_end(&mut std::io::Read::take(file, 2), &mut start).map_err(Error::io(path))?;
+    match start.as_slice() {
         b"PK" => read_npz(path),
         [0x80, ..] => read_pickle_arrays(path),
         [first, ..] if b"{ \n\r\t".contains(first) => read_json_arrays(path),
@@ -120,11 +123,11 @@ fn scaling(path: &Path, arrays: &ArrayMap) -> Result<Option<(f32, Vec3)>> {
     }
 }
 
-/// The frame's own shape coefficients, the first ten.
-fn own_betas(arrays: &ArrayMap) -> Option<[f32; 10]> {
-    let values = arrays.get("betas")?.to_f32()?;
-    let first = values.get(..10)?;
-    first.iter().all(|value| value.is_finite()).then(|| std::array::from_fn(|index| first[index]))
+/// The frame's own shape coefficients, as many as are used.
+fn own_betas(arrays: &ArrayMap) -> Option<Vec<f32>> {
+    let mut values = arrays.get("betas")?.to_f32()?;
+    values.truncate(smplx::SHAPES);
+    values.iter().all(|value| value.is_finite()).then_some(values)
 }
 
 /// The name after the last dot.

@@ -8,8 +8,9 @@ use super::rules::Rules;
 use super::scan_file::read_scan;
 use crate::{FrameId, ScanFrame};
 use glam::Vec3;
-use xavatar_body::BodyParameters;
-use xavatar_formats::{Error, Result};
+use xavatar_body::smplx;
+use xavatar_formats::{Choice, Error, Remedy, Result};
+use xavatar_mesh::ReadMesh;
 
 /// A file of a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,14 +50,14 @@ impl FrameFile {
 
     fn require(&self, what: &str) -> Result<&Path> {
         let (path, what) = match self {
-            Self::At(path) if path.is_file() => return Ok(path),
+            Self::At(path) if path.exists() => return Ok(path),
             Self::At(path) => (path, what.to_owned()),
             Self::Missing { folder, name } => (folder, format!("{what} ({name})")),
         };
         Err(Error::Missing {
             path: path.clone(),
             what,
-            remedy: "complete the data set, or leave the frame out with --skip-bad-frames".into(),
+            remedy: Remedy::choosing(Choice::SkipBadFrames, "complete the data set, or leave the frame out"),
         })
     }
 }
@@ -66,15 +67,15 @@ impl FrameFiles {
     ///
     /// # Errors
     /// Those of the file: missing, malformed, refused, or of another model; without the frame's name.
-    pub fn read_parameters(&self, betas: &[f32; 10]) -> Result<BodyParameters> {
+    pub fn read_parameters(&self, betas: &[f32]) -> Result<smplx::Parameters> {
         Ok(self.read_registration(betas)?.0)
     }
 
     /// The registration, and the scan's size by the body's with its shift, if the file has them.
-    fn read_registration(&self, betas: &[f32; 10]) -> Result<(BodyParameters, Option<(f32, Vec3)>)> {
+    fn read_registration(&self, betas: &[f32]) -> Result<(smplx::Parameters, Option<(f32, Vec3)>)> {
         let Fit { parameters, scaled, .. } = read_fit(self.parameters.require("the frame's SMPL-X parameters")?)?;
-        let parameters = BodyParameters {
-            betas: *betas,
+        let parameters = smplx::Parameters {
+            betas: betas.to_vec(),
             left_hand_pose: self.rules.hand(0, parameters.left_hand_pose)?,
             right_hand_pose: self.rules.hand(1, parameters.right_hand_pose)?,
             ..parameters
@@ -91,9 +92,9 @@ impl FrameFiles {
 /// # Errors
 /// [`Error::Frame`] naming the frame and, inside, the file: [`Error::Missing`], [`Error::Malformed`],
 /// [`Error::Mismatch`] for an empty scan or a registration of another model, or [`Error::Refused`].
-pub fn read_frame(files: &FrameFiles, betas: &[f32; 10]) -> Result<ScanFrame> {
+pub fn read_frame(files: &FrameFiles, betas: &[f32]) -> Result<ScanFrame> {
     let read = || {
-        let mut scan = read_scan(files.scan.require("the frame's scan")?)?;
+        let ReadMesh { mesh: mut scan, notes } = read_scan(files.scan.require("the frame's scan")?)?;
         let (parameters, scaled) = files.read_registration(betas)?;
         if let Some((scale, shift)) = scaled {
             scan.vertices.iter_mut().for_each(|vertex| *vertex = (*vertex - shift) / scale);
@@ -101,7 +102,7 @@ pub fn read_frame(files: &FrameFiles, betas: &[f32; 10]) -> Result<ScanFrame> {
         for placement in &files.rules.placements {
             placement.apply(&mut scan, files.rules.place_of(placement.origin, &parameters)?);
         }
-        Ok(ScanFrame { id: files.id.clone(), scan, parameters })
+        Ok(ScanFrame { id: files.id.clone(), scan, parameters: parameters.into(), notes })
     };
     read().map_err(|error: Error| error.in_frame(files.id.to_string()))
 }

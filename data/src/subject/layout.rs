@@ -216,7 +216,7 @@ fn several_subjects(folder: &Path) -> Result<()> {
         path: folder.into(),
         found: format!("a folder of {} subjects or outfits", inside.len()),
         expected: "one".into(),
-        remedy: format!("give one of {}", inside.join(", ")),
+        remedy: format!("give one of {}", inside.join(", ")).into(),
     })
 }
 

@@ -44,7 +44,7 @@ pub struct Subject {
     /// Which body model fits the subject.
     pub gender: Gender,
     /// Shape coefficients beta, common to all frames.
-    pub betas: [f32; 10],
+    pub betas: Vec<f32>,
     /// How far the registrations' own shapes are apart in the coefficient that differs most, where `betas` is their mean.
     pub shape_spread: Option<f32>,
     /// Parameters that the first registration does not have, so that they are zero.
@@ -83,7 +83,7 @@ impl Subject {
             sequences.iter().flat_map(|sequence| &sequence.frames).filter_map(|frame| frame.fit.as_deref()).collect();
         let stated = Stated::of(layout, &data)?;
         let stated_betas = match &description.betas {
-            Some(Shape::Numbers(betas)) => Some(*betas),
+            Some(Shape::Numbers(betas)) => Some(betas.clone()),
             Some(Shape::File(file)) => Some(mean_shape(&folder.join(file))?),
             None => stated.betas,
         };
@@ -180,14 +180,14 @@ fn sequences_of(data: &Path, description: &Description) -> Result<(Layout, Vec<S
             "THuman2, CustomHumans, RVH: no scan (.obj, .ply, .glb) with smplx_param.pkl, .json or _smplx.pkl beside it".into(),
             "scans/ and fits/: no such folders, and no subject.toml that names others".into(),
         ],
-        remedy: "docs/formats.md has the layouts",
+        remedy: "docs/formats.md has the layouts".into(),
     })
 }
 
 /// What files beside the frames say of a subject.
 struct Stated {
     gender: Option<Gender>,
-    betas: Option<[f32; 10]>,
+    betas: Option<Vec<f32>>,
 }
 
 impl Stated {
@@ -215,9 +215,9 @@ fn dress_gender(sequences: &[Sequence]) -> Option<Gender> {
 }
 
 /// The mean shape of registrations, and how far they are apart.
-fn mean_of_shapes(folder: &Path, fits: &[&Path]) -> Result<([f32; 10], Option<f32>)> {
+fn mean_of_shapes(folder: &Path, fits: &[&Path]) -> Result<(Vec<f32>, Option<f32>)> {
     let stride = fits.len().div_ceil(SHAPES_READ).max(1);
-    let shapes: Vec<[f32; 10]> = fits
+    let shapes: Vec<Vec<f32>> = fits
         .iter()
         .step_by(stride)
         // A registration that cannot be read is its frame's error.
@@ -236,12 +236,15 @@ fn mean_of_shapes(folder: &Path, fits: &[&Path]) -> Result<([f32; 10], Option<f3
             remedy: "its registrations have no `betas`: write ten numbers, `betas = [...]`, into it".into(),
         });
     }
-    let of_coefficient = |coefficient: usize| shapes.iter().map(move |shape| shape[coefficient]);
-    let mean = std::array::from_fn(|coefficient| of_coefficient(coefficient).sum::<f32>() / shapes.len() as f32);
-    let spread = (0..10).map(|coefficient| {
-        let (low, high) = of_coefficient(coefficient)
-            .fold((f32::MAX, f32::MIN), |(low, high), value| (low.min(value), high.max(value)));
-        high - low
+    // A coefficient that a registration leaves out is zero.
+    let longest = shapes.iter().map(Vec::len).max().unwrap_or(0);
+    let of_coefficient =
+        |coefficient: usize| shapes.iter().map(move |shape| shape.get(coefficient).copied().unwrap_or(0.0));
+    let mean = |coefficient: usize| of_coefficient(coefficient).sum::<f32>() / shapes.len() as f32;
+    let mean = (0..longest).map(mean).collect();
+    let spread = (0..longest).map(|coefficient| {
+        let values = || of_coefficient(coefficient);
+        values().fold(f32::MIN, f32::max) - values().fold(f32::MAX, f32::min)
     });
     Ok((mean, Some(spread.fold(0.0, f32::max))))
 }

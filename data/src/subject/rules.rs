@@ -4,7 +4,7 @@ use glam::Vec3;
 use serde::Deserialize;
 
 use crate::placement::{Origin, ScanPlacement};
-use xavatar_body::{BodyModel, BodyParameters, Gender, HandPose, PoseAxisAngle};
+use xavatar_body::{BodyModel, Gender, HandPose, PoseAxisAngle, smplx};
 use xavatar_formats::{Error, Result};
 
 /// What zero is in a registration's hand poses.
@@ -48,10 +48,10 @@ pub(crate) struct Settled {
 }
 
 impl Settled {
-    pub(super) fn of(body: &BodyModel, betas: &[f32; 10]) -> Result<Self> {
-        let standing = body.pose(&BodyParameters { betas: *betas, ..BodyParameters::default() })?;
-        let [left, right] = body.hand_components();
-        Ok(Self { pelvis: standing.joints[0], hand_components: [left.to_vec(), right.to_vec()] })
+    pub(super) fn of(body: &BodyModel, betas: &[f32]) -> Result<Self> {
+        let standing = body.pose(&body.skeleton().rest_pose().in_shape(betas))?;
+        let components = |side: usize| body.hands().get(side).map_or_else(Vec::new, |hand| hand.components.clone());
+        Ok(Self { pelvis: standing.joints[0], hand_components: [components(0), components(1)] })
     }
 }
 
@@ -60,7 +60,7 @@ impl Rules {
     ///
     /// # Errors
     /// [`Error::Value`] for the pelvis, if no body model settles where that is.
-    pub(super) fn place_of(&self, origin: Origin, parameters: &BodyParameters) -> Result<Vec3> {
+    pub(super) fn place_of(&self, origin: Origin, parameters: &smplx::Parameters) -> Result<Vec3> {
         match origin {
             Origin::World => Ok(Vec3::ZERO),
             Origin::Translation => Ok(parameters.transl),
@@ -128,7 +128,7 @@ mod tests {
     fn what_needs_a_body_model_says_so() {
         let rules = Rules { hands: HandZero::Flat, ..Rules::default() };
         assert!(rules.hand(0, HandPose::Pca(vec![1.0])).unwrap_err().to_string().contains("body model"));
-        assert!(rules.place_of(Origin::Pelvis, &BodyParameters::default()).is_err());
+        assert!(rules.place_of(Origin::Pelvis, &smplx::Parameters::default()).is_err());
         let relative = HandPose::RelativeToMean(Default::default());
         assert_eq!(rules.hand(1, relative.clone()).unwrap(), HandPose::Flat(Default::default()));
         assert_eq!(Rules::default().hand(1, relative.clone()).unwrap(), relative);

@@ -7,8 +7,10 @@ use glam::{Vec2, Vec3};
 use image::RgbImage;
 
 use crate::fields::Fields;
-use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result, Value, read_pickle, read_pickle_arrays};
-use xavatar_mesh::{Colouring, TriangleMesh, read_mesh};
+use xavatar_formats::{
+    Array, ArrayData, ArrayMap, Choice, Error, Remedy, Result, Value, read_pickle, read_pickle_arrays,
+};
+use xavatar_mesh::{Colouring, ReadMesh, TriangleMesh, read_mesh};
 
 const FORMAT: &str = "scan";
 
@@ -16,19 +18,20 @@ const FORMAT: &str = "scan";
 ///
 /// # Errors
 /// [`Error::Missing`], [`Error::Malformed`], [`Error::Refused`]; [`Error::Mismatch`] for a scan without faces.
-pub(super) fn read_scan(path: &Path) -> Result<TriangleMesh> {
+pub(super) fn read_scan(path: &Path) -> Result<ReadMesh> {
     let is_pickle = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("pkl"));
-    let scan = if is_pickle { pickled(path)? } else { read_mesh(path)? };
+    let read = if is_pickle { ReadMesh { mesh: pickled(path)?, notes: Vec::new() } } else { read_mesh(path)? };
+    let scan = &read.mesh;
     scan.check().map_err(|error| in_scan(error, path))?;
     if scan.faces.is_empty() {
         return Err(Error::Mismatch {
             path: path.into(),
             found: format!("a scan of {} vertices and no faces", scan.vertices.len()),
             expected: "a surface".into(),
-            remedy: "leave the frame out (--skip-bad-frames) or export it again".into(),
+            remedy: Remedy::choosing(Choice::SkipBadFrames, "leave the frame out or export it again"),
         });
     }
-    Ok(scan)
+    Ok(read)
 }
 
 /// A raw scan: `vertices` (V, 3), `normals` (V, 3), `faces` (F, 3), and `uvs` (V, 2) with an atlas (height, width, 3) in a file of
@@ -64,7 +67,7 @@ fn colouring(path: &Path, fields: &Fields<'_>, vertices: usize) -> Result<Colour
         None if fields.arrays.contains_key("uvs") => Err(Error::Missing {
             path: atlas,
             what: "the scan's texture atlas".into(),
-            remedy: "complete the data set, or leave the frame out with --skip-bad-frames".into(),
+            remedy: Remedy::choosing(Choice::SkipBadFrames, "complete the data set, or leave the frame out"),
         }),
         None => Ok(Colouring::None),
     }

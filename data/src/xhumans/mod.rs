@@ -21,7 +21,7 @@ pub(super) use parameters::parameters_of;
 pub(super) use write::{create_folder, write_common, write_parameters};
 
 use xavatar_body::Gender;
-use xavatar_formats::{Error, Result, read_npy};
+use xavatar_formats::{Error, Result, read_npy, read_text};
 
 pub(super) const SHAPE_FILE: &str = "mean_shape_smplx.npy";
 pub(super) const GENDER_FILE: &str = "gender.txt";
@@ -31,7 +31,7 @@ const COLOURED_SCANS: &str = "meshes_ply";
 /// What is common to a subject's frames, scans or pictures.
 pub(super) struct Common {
     pub(super) gender: Gender,
-    pub(super) betas: [f32; 10],
+    pub(super) betas: Vec<f32>,
 }
 
 impl Common {
@@ -47,7 +47,7 @@ impl Common {
             ));
         }
         let gender_path = folder.join(GENDER_FILE);
-        if !gender_path.is_file() {
+        if !gender_path.exists() {
             return Err(missing(gender_path, "the subject's gender", "write neutral, male or female into it"));
         }
         Ok(Self { gender: gender_in(&gender_path)?, betas: mean_shape(&folder.join(SHAPE_FILE))? })
@@ -56,7 +56,7 @@ impl Common {
 
 /// The gender that a file states.
 pub(super) fn gender_in(path: &Path) -> Result<Gender> {
-    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    let text = read_text(path)?;
     text.parse().map_err(|_| Error::Mismatch {
         path: path.into(),
         found: xavatar_formats::excerpt(text.trim()),
@@ -65,8 +65,8 @@ pub(super) fn gender_in(path: &Path) -> Result<Gender> {
     })
 }
 
-pub(super) fn mean_shape(path: &Path) -> Result<[f32; 10]> {
-    if !path.is_file() {
+pub(super) fn mean_shape(path: &Path) -> Result<Vec<f32>> {
+    if !path.exists() {
         return Err(Error::Missing {
             path: path.into(),
             what: "the subject's mean shape".into(),
@@ -75,11 +75,11 @@ pub(super) fn mean_shape(path: &Path) -> Result<[f32; 10]> {
     }
     let array = read_npy(path)?;
     let betas = array.to_f32().filter(|values| values.iter().all(|value| value.is_finite()));
-    betas.and_then(|values| values.try_into().ok()).ok_or_else(|| Error::Mismatch {
+    betas.filter(|values| !values.is_empty()).ok_or_else(|| Error::Mismatch {
         path: path.into(),
         found: array.description(),
-        expected: "10 finite shape coefficients".into(),
-        remedy: "use the shape of the 10-coefficient SMPL-X model".into(),
+        expected: "finite shape coefficients".into(),
+        remedy: "use the shape that the frames were registered with".into(),
     })
 }
 

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::bail;
 use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
-use xavatar::body::{BodyModel, BodyParameters, PartLabels};
+use xavatar::body::{BodyModel, PartLabels, Pose};
 use xavatar::data::{FrameSource, Subject};
 use xavatar::mesh::TriangleMesh;
 use xavatar::mesh::camera::{PinholeCamera, THREE_QUARTER, framing_row};
@@ -91,7 +91,7 @@ struct Rendered<'a> {
 
 /// A pose, and the scan that shows the same, by its place in the subject's frames.
 struct Moment {
-    parameters: BodyParameters,
+    pose: Pose,
     scan: Option<usize>,
 }
 
@@ -105,7 +105,7 @@ enum Poser<'a> {
 struct Studio<'a> {
     body: &'a BodyModel,
     labels: &'a PartLabels,
-    betas: [f32; 10],
+    betas: Vec<f32>,
     poser: Poser<'a>,
     scans: Option<SubjectFrames>,
     panels: Panels,
@@ -140,7 +140,7 @@ impl Render {
             false => Poser::Extracted(Box::new(Animator::new(&avatar, &body, &labels)?), self.resolution),
         };
         let panels = Panels::new(&self.view, self.against.is_some(), self.largest_error);
-        let betas = avatar.subject.betas;
+        let betas = avatar.subject.betas.clone();
         let studio = Studio { body: &body, labels: &labels, betas, poser, scans, panels };
         let stop = stop::on_interrupt()?;
         let mut progress = Progress::new();
@@ -165,7 +165,7 @@ impl Render {
         let Some(data) = &self.against else {
             let clip = self.options.load(&self.motion, avatar)?;
             let rate = clip.frames_per_second;
-            let moments = clip.frames.into_iter().map(|parameters| Moment { parameters, scan: None }).collect();
+            let moments = clip.poses(Some(body))?.into_iter().map(|pose| Moment { pose, scan: None }).collect();
             return Ok((None, moments, rate));
         };
         let subject = Subject::open(data)?.settled(body)?;
@@ -173,7 +173,7 @@ impl Render {
         let chosen = self.options.range_within(files.len())?;
         let frames = SubjectFrames::new(&subject, &files[chosen]);
         let moments = (0..frames.ids().len())
-            .map(|index| Ok(Moment { parameters: frames.read(index)?.parameters, scan: Some(index) }))
+            .map(|index| Ok(Moment { pose: body.resolve(&frames.read(index)?.parameters)?, scan: Some(index) }))
             .collect::<anyhow::Result<Vec<_>>>()?;
         if moments.is_empty() {
             bail!("{}: no frames in its {:?} split; choose another --split", data.display(), self.split);
@@ -228,11 +228,11 @@ impl Render {
         progress: &mut Progress,
     ) -> anyhow::Result<Option<usize>> {
         let stance = |moment: &Moment| {
-            let (body, pelvis) = studio.posed(&moment.parameters)?;
+            let (body, pelvis) = studio.posed(&moment.pose)?;
             Ok(Stance::new(&body, pelvis))
         };
         let (cameras, total) = if self.turntable {
-            let (body, _) = studio.posed(&moments[0].parameters)?;
+            let (body, _) = studio.posed(&moments[0].pose)?;
             (FilmCameras::around(&body, self.size)?, (TURN * rate).ceil() as usize)
         } else {
             let stances = moments.iter().map(stance).collect::<xavatar::Result<Vec<_>>>()?;
@@ -279,23 +279,23 @@ impl Render {
 }
 
 impl Studio<'_> {
-    /// The vertices and the pelvis of the body in the avatar's shape.
-    fn posed(&self, parameters: &BodyParameters) -> xavatar::Result<(Vec<glam::Vec3>, glam::Vec3)> {
-        let posed = self.body.pose(&BodyParameters { betas: self.betas, ..parameters.clone() })?;
+    /// The vertices and the root's joint of the body in the avatar's shape.
+    fn posed(&self, pose: &Pose) -> xavatar::Result<(Vec<glam::Vec3>, glam::Vec3)> {
+        let posed = self.body.pose(&pose.in_shape(&self.betas))?;
         Ok((posed.vertices, posed.joints[0]))
     }
 
     fn exhibit(&self, moment: &Moment) -> anyhow::Result<Exhibit> {
         let (mesh, weights) = match &self.poser {
-            Poser::Extracted(animator, resolution) => (animator.extract(&moment.parameters, *resolution)?.mesh, None),
-            Poser::Skinned(topology) => (topology.pose(&moment.parameters)?, Some(topology.weights())),
+            Poser::Extracted(animator, resolution) => (animator.extract(&moment.pose, *resolution)?.mesh, None),
+            Poser::Skinned(topology) => (topology.pose(&moment.pose)?, Some(topology.weights())),
         };
         let scan: Option<TriangleMesh> = match (&self.scans, moment.scan) {
             (Some(scans), Some(index)) => Some(scans.read(index)?.scan),
             _ => None,
         };
-        let (vertices, _) = self.posed(&moment.parameters)?;
-        Ok(Exhibit::new(&self.panels, mesh, weights, scan, &vertices, self.labels)?)
+        let (vertices, _) = self.posed(&moment.pose)?;
+        Ok(Exhibit::new(&self.panels, mesh, weights, scan, &vertices, self.labels, self.body.skeleton())?)
     }
 }
 

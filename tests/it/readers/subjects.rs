@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use glam::{Mat3, Vec3};
-use xavatar::body::{BodyParameters, Gender, HandPose, PoseAxisAngle};
+use xavatar::body::{BodyParameters, Gender, HandPose, PoseAxisAngle, PosedBody, smplx};
 use xavatar::data::{FrameFiles, Layout, ScanFrame, Subject, check, read_frame, write_subject};
 use xavatar::formats::{Array, ArrayMap, write_npz, write_pickle};
 use xavatar::mesh::{write_obj, write_ply};
@@ -34,10 +34,10 @@ fn hand(pose: &HandPose) -> Vec<f32> {
 }
 
 /// The parameters under smplx's names.
-fn arrays(parameters: &BodyParameters) -> ArrayMap {
+fn arrays(parameters: &smplx::Parameters) -> ArrayMap {
     [
-        ("betas", parameters.betas.to_vec()),
-        ("expression", parameters.expression.to_vec()),
+        ("betas", parameters.betas.clone()),
+        ("expression", parameters.expression.clone()),
         ("global_orient", numbers(&[parameters.global_orient])),
         ("body_pose", numbers(&parameters.body_pose)),
         ("jaw_pose", numbers(&[parameters.jaw_pose])),
@@ -52,9 +52,9 @@ fn arrays(parameters: &BodyParameters) -> ArrayMap {
     .collect()
 }
 
-fn with_pca_hands(parameters: &BodyParameters) -> BodyParameters {
+fn with_pca_hands(parameters: &smplx::Parameters) -> smplx::Parameters {
     let hand = || HandPose::Pca(PCA.to_vec());
-    BodyParameters { left_hand_pose: hand(), right_hand_pose: hand(), ..parameters.clone() }
+    smplx::Parameters { left_hand_pose: hand(), right_hand_pose: hand(), ..parameters.clone() }
 }
 
 /// Rotation vectors of an array as row-major matrices.
@@ -94,29 +94,33 @@ fn open(folder: &Path) -> Subject {
 
 /// That a frame's scan lies where `wanted` has it and its body is the same, to `tolerance`, metres.
 #[track_caller]
-fn assert_frame(files: &FrameFiles, subject: &Subject, scan: &[Vec3], wanted: &BodyParameters, tolerance: f32) {
+fn assert_frame(files: &FrameFiles, subject: &Subject, scan: &[Vec3], wanted: &smplx::Parameters, tolerance: f32) {
     let frame = read_frame(files, &subject.betas).unwrap();
     let apart = |one: &[Vec3], other: &[Vec3]| {
         assert_eq!(one.len(), other.len());
         one.iter().zip(other).map(|(one, other)| one.distance(*other)).fold(0.0, f32::max)
     };
-    let body = |parameters| SUBJECT.model().pose(parameters).unwrap().vertices;
+    let body = |parameters: BodyParameters| posed(&parameters).vertices;
     let of_scan = apart(&frame.scan.vertices, scan);
-    let of_body = apart(&body(&frame.parameters), &body(wanted));
+    let of_body = apart(&body(frame.parameters), &body(wanted.clone().into()));
     assert!(of_scan < tolerance && of_body < tolerance, "{}: scan {of_scan} m, body {of_body} m", files.id);
 }
 
+fn posed(parameters: &BodyParameters) -> PosedBody {
+    SUBJECT.model().pose(&SUBJECT.model().resolve(parameters).unwrap()).unwrap()
+}
+
 #[track_caller]
-fn assert_frames(subject: &Subject, wanted: impl Fn(&ScanFrame) -> BodyParameters) {
+fn assert_frames(subject: &Subject, wanted: impl Fn(&smplx::Parameters) -> smplx::Parameters) {
     let files: Vec<&FrameFiles> = subject.train.iter().chain(&subject.test).collect();
     assert_eq!(files.len(), FRAMES.len());
     for (files, frame) in files.into_iter().zip(FRAMES.iter()) {
-        assert_frame(files, subject, &frame.scan.vertices, &wanted(frame), 1e-4);
+        assert_frame(files, subject, &frame.scan.vertices, &wanted(of(frame)), 1e-4);
     }
 }
 
-fn unchanged(frame: &ScanFrame) -> BodyParameters {
-    frame.parameters.clone()
+fn of(frame: &ScanFrame) -> &smplx::Parameters {
+    frame.parameters.smplx().unwrap()
 }
 
 #[test]
@@ -133,7 +137,7 @@ fn scans_and_fits_in_two_folders_are_a_subject_whatever_the_fits_are_stored_as()
             let number = frame.id.number;
             write_scan(&folder.path().join(format!("scans/anna_{number:03}.obj")), frame);
             let fit = folder.path().join(format!("fits/anna_{number:03}.{extension}"));
-            write(folder_of(&fit), &arrays(&frame.parameters));
+            write(folder_of(&fit), &arrays(of(frame)));
         }
         // Which of the models, no file says.
         let error = Subject::open(folder.path()).unwrap_err().to_string();
@@ -142,24 +146,24 @@ fn scans_and_fits_in_two_folders_are_a_subject_whatever_the_fits_are_stored_as()
         let subject = open(folder.path());
         assert_eq!((subject.layout, subject.gender), (Layout::Plain, Gender::Neutral), "{extension}");
         assert!(subject.betas.iter().zip(SUBJECT.betas()).all(|(found, right)| (found - right).abs() < 1e-6));
-        assert_frames(&subject, unchanged);
+        assert_frames(&subject, smplx::Parameters::clone);
     }
 }
 
 #[test]
 fn fits_go_by_the_names_of_tools_and_as_matrices_or_coefficients() {
     let folder = tempfile::tempdir().unwrap();
-    let write = |convert: &dyn Fn(&BodyParameters) -> ArrayMap| {
+    let write = |convert: &dyn Fn(&smplx::Parameters) -> ArrayMap| {
         for frame in FRAMES.iter() {
             let number = frame.id.number;
             write_scan(&folder.path().join(format!("scans/{number}.ply")), frame);
             let fit = folder.path().join(format!("fits/{number}_smplx.npz"));
-            write_npz(folder_of(&fit), &convert(&frame.parameters)).unwrap();
+            write_npz(folder_of(&fit), &convert(of(frame))).unwrap();
         }
     };
     fs::write(folder.path().join("subject.toml"), "gender = \"neutral\"\n").unwrap();
     write(&|parameters| arrays(&with_pca_hands(parameters)));
-    assert_frames(&open(folder.path()), |frame| with_pca_hands(&frame.parameters));
+    assert_frames(&open(folder.path()), with_pca_hands);
 
     let renamed = [("global_orient", "root_orient"), ("body_pose", "pose_body"), ("transl", "trans")];
     write(&|parameters| {
@@ -170,12 +174,11 @@ fn fits_go_by_the_names_of_tools_and_as_matrices_or_coefficients() {
         }
         arrays
     });
-    assert_frames(&open(folder.path()), unchanged);
+    assert_frames(&open(folder.path()), smplx::Parameters::clone);
 
-    let flat = |parameters: &BodyParameters| {
-        let joints = SUBJECT.model().joint_poses(parameters).unwrap();
-        let hand = |first: usize| HandPose::Flat(std::array::from_fn(|joint| joints[first + joint]));
-        BodyParameters { left_hand_pose: hand(25), right_hand_pose: hand(40), ..parameters.clone() }
+    let flat = |parameters: &smplx::Parameters| {
+        let pose = SUBJECT.model().resolve(&parameters.clone().into()).unwrap();
+        smplx::Parameters::from(&pose)
     };
     write(&|parameters| {
         let mut arrays = arrays(&flat(parameters));
@@ -186,26 +189,26 @@ fn fits_go_by_the_names_of_tools_and_as_matrices_or_coefficients() {
         }
         arrays
     });
-    assert_frames(&open(folder.path()), unchanged);
+    assert_frames(&open(folder.path()), smplx::Parameters::clone);
 }
 
 #[test]
 fn xhumans_subjects_may_have_other_meshes_and_other_fits() {
     let folder = tempfile::tempdir().unwrap();
-    write_subject(folder.path(), Gender::Neutral, &SUBJECT.betas(), FRAMES.iter().cloned().map(Ok)).unwrap();
+    write_subject(folder.path(), Gender::Neutral, SUBJECT.betas(), FRAMES.iter().cloned().map(Ok)).unwrap();
     let take = folder.path().join("train/Take1");
     for frame in FRAMES.iter() {
         let name = format!("mesh-f{:05}", frame.id.number);
         fs::remove_file(take.join(format!("meshes_ply/{name}.ply"))).unwrap();
         write_scan(&take.join(format!("meshes_ply/{name}.obj")), frame);
         let fit = take.join(format!("SMPLX/{name}_smplx.pkl"));
-        let mut arrays = arrays(&with_pca_hands(&frame.parameters));
+        let mut arrays = arrays(&with_pca_hands(of(frame)));
         arrays.insert("global_orient".into(), matrices(&arrays["global_orient"]));
         write_pickle(&fit, &arrays).unwrap();
     }
     let subject = open(folder.path());
     assert_eq!(subject.layout, Layout::XHumans);
-    assert_frames(&subject, |frame| with_pca_hands(&frame.parameters));
+    assert_frames(&subject, with_pca_hands);
 }
 
 #[test]
@@ -217,7 +220,7 @@ fn thuman2_scans_are_brought_to_the_size_of_their_bodies() {
         let mut scaled = frame.clone();
         scaled.scan.vertices.iter_mut().for_each(|vertex| *vertex = *vertex * scale + translation);
         write_scan(&folder.path().join(format!("scans_release/{name}/{name}.obj")), &scaled);
-        let mut arrays = arrays(&with_pca_hands(&frame.parameters));
+        let mut arrays = arrays(&with_pca_hands(of(frame)));
         arrays.insert("scale".into(), vector(&[scale]));
         arrays.insert("translation".into(), vector(&translation.to_array()));
         let fit = folder.path().join(format!("scans_smplx/{name}/smplx_param.pkl"));
@@ -225,10 +228,10 @@ fn thuman2_scans_are_brought_to_the_size_of_their_bodies() {
     }
     let subject = open(&folder.path().join("scans_release"));
     assert_eq!((subject.layout, subject.gender), (Layout::THuman2, Gender::Male));
-    assert_frames(&subject, |frame| with_pca_hands(&frame.parameters));
+    assert_frames(&subject, with_pca_hands);
     // One scan alone is a subject too.
     let alone = open(&folder.path().join("scans_release/0002"));
-    assert_frame(&alone.train[0], &alone, &FRAMES[1].scan.vertices, &with_pca_hands(&FRAMES[1].parameters), 1e-4);
+    assert_frame(&alone.train[0], &alone, &FRAMES[1].scan.vertices, &with_pca_hands(of(&FRAMES[1])), 1e-4);
 }
 
 #[test]
@@ -237,7 +240,7 @@ fn dress_takes_are_sequences_the_last_of_them_for_tests() {
     for (frame, take) in FRAMES.iter().zip(["Take2", "Take7"]) {
         let take = folder.path().join("Inner").join(take);
         write_scan(&take.join("Meshes_pkl/mesh-f00011.ply"), frame);
-        write_pickle(folder_of(&take.join("SMPLX/mesh-f00011_smplx.pkl")), &arrays(&frame.parameters)).unwrap();
+        write_pickle(folder_of(&take.join("SMPLX/mesh-f00011_smplx.pkl")), &arrays(of(frame))).unwrap();
         let info = [("gender".to_owned(), Array::from_text("female"))].into();
         write_pickle(take.join("basic_info.pkl"), &info).unwrap();
     }
@@ -245,7 +248,7 @@ fn dress_takes_are_sequences_the_last_of_them_for_tests() {
     assert_eq!((subject.layout, subject.gender), (Layout::Dress4d, Gender::Female));
     let ids: Vec<String> = subject.train.iter().chain(&subject.test).map(|files| files.id.to_string()).collect();
     assert_eq!(ids, ["train/Take2/f00011", "test/Take7/f00011"]);
-    assert_frames(&subject, unchanged);
+    assert_frames(&subject, smplx::Parameters::clone);
     // Several outfits are several subjects.
     fs::create_dir(folder.path().join("notes")).unwrap();
     let error = Subject::open(folder.path()).unwrap_err().to_string();
@@ -256,25 +259,26 @@ fn dress_takes_are_sequences_the_last_of_them_for_tests() {
 fn custom_humans_stand_with_the_pelvis_at_the_origin() {
     let folder = tempfile::tempdir().unwrap();
     let frame = &FRAMES[1];
-    let components = SUBJECT.model().hand_components();
+    let hands = SUBJECT.model().hands();
     let flat_hand = |side: usize| {
-        let value = |index: usize| PCA.iter().zip(components[side]).map(|(weight, row)| weight * row[index]).sum();
+        let value =
+            |index: usize| PCA.iter().zip(&hands[side].components).map(|(weight, row)| weight * row[index]).sum();
         HandPose::Flat(std::array::from_fn(|joint| {
             PoseAxisAngle(Vec3::from_array(std::array::from_fn(|axis| value(3 * joint + axis))))
         }))
     };
-    let wanted = BodyParameters {
+    let wanted = smplx::Parameters {
         global_orient: PoseAxisAngle::default(),
         transl: Vec3::ZERO,
         left_hand_pose: flat_hand(0),
         right_hand_pose: flat_hand(1),
-        ..frame.parameters.clone()
+        ..of(frame).clone()
     };
-    let pelvis = SUBJECT.model().pose(&wanted).unwrap().joints[0];
+    let pelvis = posed(&wanted.clone().into()).joints[0];
     let mut centred = frame.clone();
     centred.scan.vertices.iter_mut().for_each(|vertex| *vertex -= pelvis);
     write_scan(&folder.path().join("0003/mesh-f00101.obj"), &centred);
-    let mut arrays = arrays(&with_pca_hands(&frame.parameters));
+    let mut arrays = arrays(&with_pca_hands(of(frame)));
     arrays.remove("global_orient");
     arrays.remove("transl");
     fs::write(folder.path().join("0003/mesh-f00101.json"), json(&arrays)).unwrap();
@@ -308,7 +312,7 @@ fn a_description_names_folders_shape_and_tests() {
     let folder = tempfile::tempdir().unwrap();
     for (frame, sequence) in FRAMES.iter().zip(["walk", "jump"]) {
         write_scan(&folder.path().join(format!("data/{sequence}/geometry/1.ply")), frame);
-        let mut fit = arrays(&frame.parameters);
+        let mut fit = arrays(of(frame));
         fit.remove("betas");
         write_npz(folder_of(&folder.path().join(format!("data/{sequence}/bodies/1.npz"))), &fit).unwrap();
     }
@@ -326,8 +330,12 @@ fn a_description_names_folders_shape_and_tests() {
     write(format!("{head}{betas}{}{}", sequence("walk", "train"), sequence("jump", "test")));
     let subject = open(&described);
     assert_eq!(subject.test[0].id.to_string(), "test/jump/f00001");
-    assert_frames(&subject, unchanged);
-    for (text, word) in [("gender = \"robot\"", "line 1"), ("colour = 1", "line 1"), ("betas = [nan, 0, 0, 0, 0, 0, 0, 0, 0, 0]", "betas")] {
+    assert_frames(&subject, smplx::Parameters::clone);
+    for (text, word) in [
+        ("gender = \"robot\"", "line 1"),
+        ("colour = 1", "line 1"),
+        ("betas = [nan, 0, 0, 0, 0, 0, 0, 0, 0, 0]", "betas"),
+    ] {
         write(text.into());
         let error = Subject::open(&described).unwrap_err().to_string();
         assert!(error.contains(word) && error.contains("subject.toml"), "{error}");
@@ -341,7 +349,7 @@ fn what_is_missing_is_named_in_the_layout_that_is_there() {
     for frame in FRAMES.iter() {
         let number = frame.id.number;
         write_scan(&folder.path().join(format!("scans/{number}.obj")), frame);
-        write_npz(folder_of(&folder.path().join(format!("fits/{number}.npz"))), &arrays(&frame.parameters)).unwrap();
+        write_npz(folder_of(&folder.path().join(format!("fits/{number}.npz"))), &arrays(of(frame))).unwrap();
     }
     fs::remove_file(folder.path().join("scans/1.obj")).unwrap();
     fs::remove_file(folder.path().join("fits/2.npz")).unwrap();
@@ -371,7 +379,7 @@ fn shapes_that_differ_are_said_with_the_figure() {
     for frame in FRAMES.iter() {
         let number = frame.id.number;
         write_scan(&folder.path().join(format!("scans/{number}.obj")), frame);
-        let mut parameters = frame.parameters.clone();
+        let mut parameters = of(frame).clone();
         parameters.betas[3] += number as f32;
         write_npz(folder_of(&folder.path().join(format!("fits/{number}.npz"))), &arrays(&parameters)).unwrap();
     }

@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Motion, RestPose};
-use xavatar_body::JOINT_NAMES;
-use xavatar_formats::{Error, Result};
+use xavatar_body::smplx;
+use xavatar_formats::{Error, Result, read_bytes};
 
 const FORMAT: &str = "BVH motion";
 
@@ -23,7 +23,7 @@ pub(super) fn is_bvh(start: &[u8]) -> bool {
 
 /// Reads a motion onto the skeleton `rest`; `map`, where there is one, says which bone is which joint.
 pub(super) fn read(path: &Path, rest: &RestPose, map: Option<&BTreeMap<String, String>>) -> Result<Motion> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read_bytes(path)?;
     // Only names can be in another encoding, and they only have to stay apart.
     let bvh = parse::parse(&String::from_utf8_lossy(&bytes)).map_err(|fault| fault.in_file(path, FORMAT))?;
     let bones = match map {
@@ -34,7 +34,7 @@ pub(super) fn read(path: &Path, rest: &RestPose, map: Option<&BTreeMap<String, S
         path: path.into(),
         found: format!("a skeleton in which no bone is known as {}", missing.join(", ")),
         expected: "the bones of a person, by names of a common skeleton".into(),
-        remedy: format!("say which bone is which joint (--bone-map); the bones are {}", bone_names(&bvh.joints)),
+        remedy: format!("say which bone is which joint (--bone-map); the bones are {}", bone_names(&bvh.joints)).into(),
     })?;
     Ok(Motion {
         frames: retargeting.frames(),
@@ -59,5 +59,5 @@ fn bone_names(joints: &[parse::Joint]) -> String {
 
 /// The joints' names, joined, of some of SMPL-X's.
 fn joint_names(joints: impl Iterator<Item = usize>) -> Vec<&'static str> {
-    joints.map(|joint| JOINT_NAMES[joint]).collect()
+    joints.map(|joint| smplx::skeleton().joints[joint].as_str()).collect()
 }

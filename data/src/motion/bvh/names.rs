@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use super::parse::Joint;
-use xavatar_body::{JOINT_NAMES, JOINTS};
+use xavatar_body::smplx;
 use xavatar_formats::{Error, Result};
 
 /// The words for joints that have a side, by the joint's name without it.
@@ -33,7 +33,7 @@ const MIDDLE: [(&str, &[&str]); 4] =
 const BACK: [&str; 8] = ["lowerback", "spine", "chest", "upperchest", "abdomen", "torso", "back", "waist"];
 
 /// The bone (an index into the file's joints) of each SMPL-X joint, if it has one.
-pub(super) type Bones = [Option<usize>; JOINTS];
+pub(super) type Bones = Vec<Option<usize>>;
 
 /// Finds the bones by their names.
 pub(super) fn recognised(joints: &[Joint]) -> Bones {
@@ -41,7 +41,7 @@ pub(super) fn recognised(joints: &[Joint]) -> Bones {
     let says = |words: &[&str]| names.iter().any(|name| name.side.is_some() && words.contains(&name.word.as_str()));
     let shoulder_is_arm = !says(&["arm", "uparm", "upperarm", "armupper", "shldr"]);
     let foot_is_toe = says(&["ankle"]);
-    let mut bones = [None; JOINTS];
+    let mut bones = vec![None; smplx::skeleton().joints.len()];
     let mut back = Vec::new();
     for (bone, name) in names.iter().enumerate() {
         let word = name.word.as_str();
@@ -79,7 +79,7 @@ pub(super) fn recognised(joints: &[Joint]) -> Bones {
 /// # Errors
 /// [`Error::Value`] for a bone that the file, or a joint that SMPL-X does not have.
 pub(super) fn declared(joints: &[Joint], map: &BTreeMap<String, String>) -> Result<Bones> {
-    let mut bones = [None; JOINTS];
+    let mut bones = vec![None; smplx::skeleton().joints.len()];
     for (bone, joint) in map {
         let names = || joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", ");
         let index = joints.iter().position(|other| other.name == *bone).ok_or_else(|| Error::Value {
@@ -90,12 +90,12 @@ pub(super) fn declared(joints: &[Joint], map: &BTreeMap<String, String>) -> Resu
         let joint = joint_index(joint).ok_or_else(|| Error::Value {
             name: format!("the joint of bone {bone}"),
             found: joint.clone(),
-            expected: format!("one of SMPL-X: {}", JOINT_NAMES.join(", ")),
+            expected: format!("one of SMPL-X: {}", smplx::skeleton().joints.join(", ")),
         })?;
         if bones[joint].replace(index).is_some() {
             return Err(Error::Value {
                 name: "the map".into(),
-                found: format!("two bones for {}", JOINT_NAMES[joint]),
+                found: format!("two bones for {}", smplx::skeleton().joints[joint]),
                 expected: "one a joint".into(),
             });
         }
@@ -108,7 +108,7 @@ fn known<'a>(table: &[(&'a str, &[&str])], word: &str) -> Option<&'a str> {
 }
 
 fn joint_index(name: &str) -> Option<usize> {
-    JOINT_NAMES.iter().position(|known| *known == name)
+    smplx::skeleton().joint(name)
 }
 
 /// A bone's name, taken apart.
@@ -186,7 +186,11 @@ mod tests {
             first_channel: 0,
         };
         let bones = recognised(&names.iter().map(joint).collect::<Vec<_>>());
-        bones.iter().zip(JOINT_NAMES).filter_map(|(bone, joint)| Some((names[(*bone)?], joint))).collect()
+        bones
+            .iter()
+            .zip(&smplx::skeleton().joints)
+            .filter_map(|(bone, joint)| Some((names[(*bone)?], joint.as_str())))
+            .collect()
     }
 
     fn assert_maps(names: &str, expected: &[(&str, &str)]) {
@@ -258,11 +262,11 @@ mod tests {
 
     #[test]
     fn smplx_names_are_their_own_joints() {
-        let names = JOINT_NAMES.join(",");
+        let names = smplx::skeleton().joints.join(",");
         for (bone, joint) in mapped(&names) {
             assert_eq!(bone, joint);
         }
-        assert_eq!(mapped(&names).len(), JOINTS);
+        assert_eq!(mapped(&names).len(), smplx::skeleton().joints.len());
     }
 
     #[test]

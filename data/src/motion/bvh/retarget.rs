@@ -17,7 +17,7 @@ use super::names::Bones;
 use super::parse::Bvh;
 use super::{RestPose, joint_names};
 use crate::motion::UpAxis;
-use xavatar_body::{BodyParameters, HandPose, JOINTS, PARENTS, PoseAxisAngle};
+use xavatar_body::{Pose, PoseAxisAngle, smplx};
 
 /// Without these there is no person: pelvis, hips, knees, ankles, shoulders, elbows.
 const REQUIRED: [usize; 11] = [0, 1, 2, 4, 5, 7, 8, 16, 17, 18, 19];
@@ -62,7 +62,7 @@ pub(super) struct Retargeting<'a> {
     /// C^-1: its columns are left, up and forward in the file's axes.
     from_smplx: DQuat,
     /// A_j.
-    alignment: [DQuat; JOINTS],
+    alignment: Vec<DQuat>,
     /// Metres of the avatar per unit of the file.
     scale: f64,
     pelvis: DVec3,
@@ -82,9 +82,9 @@ impl<'a> Retargeting<'a> {
 
         let axes = axes(&place).ok_or_else(|| vec!["a body that stands on two legs apart from each other"])?;
         let from_smplx = DQuat::from_mat3(&axes);
-        let mut alignment = [DQuat::IDENTITY; JOINTS];
-        for joint in 1..JOINTS {
-            let parent = PARENTS[joint];
+        let parents = &smplx::skeleton().parents;
+        let mut alignment = vec![DQuat::IDENTITY; parents.len()];
+        for (joint, parent) in parents.iter().enumerate().filter_map(|(joint, parent)| Some((joint, (*parent)?))) {
             // Hands and fingers go with the arm; what else is not aligned rests upright.
             let inherited = if is_of_limb(joint) { alignment[parent] } else { DQuat::IDENTITY };
             let end = ALIGNED.iter().find(|(aligned, _)| *aligned == joint).map(|(_, end)| *end);
@@ -105,7 +105,7 @@ impl<'a> Retargeting<'a> {
     }
 
     /// SMPL-X parameters of each frame, in the file's axes; at least one.
-    pub(super) fn frames(&self) -> Vec<BodyParameters> {
+    pub(super) fn frames(&self) -> Vec<smplx::Parameters> {
         self.bvh.frames().map(|row| self.frame(row)).collect()
     }
 
@@ -119,13 +119,13 @@ impl<'a> Retargeting<'a> {
     /// What became of the bones, a line each.
     pub(super) fn report(&self) -> Vec<String> {
         let joints = &self.bvh.joints;
-        let mapped = (0..JOINTS).filter_map(|joint| Some((joint, self.bones[joint]?)));
+        let mapped = self.bones.iter().enumerate().filter_map(|(joint, bone)| Some((joint, (*bone)?)));
         let pairs =
             |(joint, bone): (usize, usize)| format!("{} -> {}", joints[bone].name, joint_names([joint].into_iter())[0]);
         let pairs: Vec<String> = mapped.map(pairs).collect();
         let ignored = (0..joints.len()).filter(|bone| !self.bones.contains(&Some(*bone)));
         let ignored: Vec<&str> = ignored.map(|bone| joints[bone].name.as_str()).collect();
-        let unmapped = joint_names((0..JOINTS).filter(|joint| self.bones[*joint].is_none()));
+        let unmapped = joint_names((0..self.bones.len()).filter(|joint| self.bones[*joint].is_none()));
         let turn = |joint: &usize| self.alignment[*joint].angle_between(DQuat::IDENTITY).to_degrees();
         let turned: Vec<String> = [16, 17, 1, 2]
             .iter()
@@ -146,7 +146,7 @@ impl<'a> Retargeting<'a> {
         report
     }
 
-    fn frame(&self, row: &[f64]) -> BodyParameters {
+    fn frame(&self, row: &[f64]) -> smplx::Parameters {
         let bvh = self.bvh;
         let mut world: Vec<(DQuat, DVec3)> = Vec::with_capacity(bvh.joints.len());
         for (bone, joint) in bvh.joints.iter().enumerate() {
@@ -154,31 +154,24 @@ impl<'a> Retargeting<'a> {
             let rotation = (turn * bvh.rotation(bone, row)).normalize();
             world.push((rotation, place + turn * bvh.place(bone, row)));
         }
-        let mut facing = [DQuat::IDENTITY; JOINTS];
-        for joint in 0..JOINTS {
-            facing[joint] = match self.bones[joint] {
-                Some(bone) => world[bone].0 * self.from_smplx * self.alignment[joint],
-                None => facing[PARENTS[joint]],
-            };
+        let parents = &smplx::skeleton().parents;
+        let above = |facing: &[DQuat], joint: usize| parents[joint].map_or(DQuat::IDENTITY, |parent| facing[parent]);
+        let mut facing = Vec::with_capacity(parents.len());
+        for (joint, bone) in self.bones.iter().enumerate() {
+            facing.push(match bone {
+                Some(bone) => world[*bone].0 * self.from_smplx * self.alignment[joint],
+                None => above(&facing, joint),
+            });
         }
         let turn = |joint: usize| {
-            let parent = if joint == 0 { DQuat::IDENTITY } else { facing[PARENTS[joint]] };
+            let parent = above(&facing, joint);
             let turn = parent.inverse() * facing[joint];
             let turn = if turn.w < 0.0 { -turn } else { turn };
             PoseAxisAngle(turn.to_scaled_axis().as_vec3())
         };
         let transl = self.bones[0].map_or(Vec3::ZERO, |bone| (world[bone].1 * self.scale - self.pelvis).as_vec3());
-        BodyParameters {
-            global_orient: turn(0),
-            body_pose: std::array::from_fn(|joint| turn(1 + joint)),
-            jaw_pose: turn(22),
-            left_eye_pose: turn(23),
-            right_eye_pose: turn(24),
-            left_hand_pose: HandPose::Flat(std::array::from_fn(|joint| turn(25 + joint))),
-            right_hand_pose: HandPose::Flat(std::array::from_fn(|joint| turn(40 + joint))),
-            transl,
-            ..BodyParameters::default()
-        }
+        let rotations = (0..parents.len()).map(turn).collect();
+        smplx::Parameters::from(&Pose { rotations, translation: transl, ..Pose::default() })
     }
 }
 
@@ -217,5 +210,5 @@ fn nearest_axis(direction: DVec3) -> Option<DVec3> {
 
 /// Below a shoulder or a hip, but for feet.
 fn is_of_limb(joint: usize) -> bool {
-    matches!(joint, 4 | 5 | 18..=21 | 25..JOINTS)
+    matches!(joint, 4 | 5 | 18..=21 | 25..)
 }
