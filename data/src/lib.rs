@@ -1,4 +1,4 @@
-//! What users have, as typed frames: X-Humans subjects, motions, body-model files.
+//! What users have, as typed frames: subjects' scans and pictures with their registrations, motions.
 //!
 //! Files -> arrays -> frames. Nothing here knows about training.
 
@@ -6,24 +6,29 @@
 
 mod check;
 mod fields;
+mod json;
 mod motion;
 mod notes;
+mod placement;
 mod rgbd;
+mod subject;
 mod xhumans;
 
-pub use check::{CheckReport, DistanceReport, HandReport, SequenceReport, UnusableFrame, check};
+pub use check::{
+    CheckReport, CheckedFrames, Defect, DistanceReport, Finding, HandReport, SequenceReport, UnusableFrame, check,
+};
 pub use motion::{
     Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
 };
 pub use notes::FrameNotes;
+pub use placement::{Origin, ScanPlacement};
 pub use rgbd::{
     BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,
     RgbdFrame, RgbdFrames, RgbdLayout, RgbdSource, RgbdSubject, check_rgbd, parse_depth, read_depth, write_depth,
     write_rgbd_subject,
 };
-pub use xhumans::{Subject, read_frame, write_subject};
-
-use std::path::PathBuf;
+pub use subject::{FrameFile, FrameFiles, HandZero, Layout, Subject, read_frame};
+pub use xhumans::write_subject;
 
 use xavatar_body::BodyParameters;
 use xavatar_mesh::{Note, TriangleMesh};
@@ -43,19 +48,6 @@ impl std::fmt::Display for FrameId {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(formatter, "{}/{}/f{:05}", self.split, self.sequence, self.number)
     }
-}
-
-/// A frame that exists on disk but is not read yet.
-#[derive(Clone, Debug)]
-pub struct FrameFiles {
-    /// Which frame.
-    pub id: FrameId,
-    /// The scan: `meshes_pkl/mesh-fXXXXX.pkl` or `meshes_ply/mesh-fXXXXX.ply`.
-    pub scan: PathBuf,
-    /// The texture atlas of a raw scan.
-    pub atlas: Option<PathBuf>,
-    /// The registration's parameters.
-    pub parameters: PathBuf,
 }
 
 /// The frames of one split of a subject, in order, read on demand.

@@ -6,13 +6,13 @@ use anyhow::{Context, bail};
 use image::RgbImage;
 use xavatar::body::Role;
 use xavatar::config::Config;
-use xavatar::data::{RgbdSource, RgbdSubject, Subject};
+use xavatar::data::{RgbdSource, RgbdSubject};
 use xavatar::evaluate::{FusionRow, FusionTable, SomeFrames, turned};
 use xavatar::render::{Plot, Series, write_png};
 use xavatar::train::TrainingFrames;
 
 use super::captured::Kind;
-use super::inputs::{Split, SubjectArguments, SubjectFrames, load_body};
+use super::inputs::{Registered, Split, SubjectArguments, SubjectFrames};
 use super::json::JsonArgument;
 use super::measured_run::{MeasuredRun, RunMetrics, Yardstick};
 use super::progress::Progress;
@@ -64,9 +64,8 @@ impl Fuse {
         let runs: Vec<_> = self.turns.iter().map(|turn| (*turn, self.run_of(*turn, &config))).collect();
         self.refuse_other_folders(&runs)?;
         self.json.check()?;
-        let subject = Subject::open(&self.subject.data)?;
+        let Registered { subject, body, labels } = self.subject.open()?;
         let source = RgbdSubject::open(&self.subject.data)?.training_frames();
-        let (body, labels) = load_body(&self.subject.body, subject.gender)?;
         outputs::existing_folder(&self.out)?;
         let stop = stop::on_interrupt()?;
         let yardstick = Yardstick {

@@ -28,7 +28,7 @@ pub(super) struct Layout {
 /// The subject's shape: the numbers, or an npy file of them.
 #[derive(Deserialize, Serialize)]
 #[serde(untagged, expecting = "`betas` has to be numbers or the name of an npy file")]
-pub(super) enum Shape {
+pub(crate) enum Shape {
     Numbers(Vec<f32>),
     File(PathBuf),
 }
@@ -88,7 +88,7 @@ pub(super) struct Sequence {
 
 #[derive(Clone, Copy, Deserialize, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Split {
+pub(crate) enum Split {
     Train,
     Test,
 }
