@@ -109,8 +109,8 @@ impl BodyModel {
         &self.anatomy.skinning_weights
     }
 
-    /// What the family's hand conventions are relative to.
-    pub(super) fn hands(&self) -> &[HandSpace] {
+    /// What the family's hand conventions are relative to: the left hand's and the right hand's, or none.
+    pub fn hands(&self) -> &[HandSpace] {
         &self.anatomy.hands
     }
 

@@ -1,4 +1,4 @@
-//! What users have, as typed frames: X-Humans subjects, motions, body-model files.
+//! What users have, as typed frames: subjects' scans and pictures with their registrations, motions.
 //!
 //! Files -> arrays -> frames. Nothing here knows about training.
 
@@ -7,37 +7,27 @@
 mod capture;
 mod check;
 mod fields;
+mod json;
 mod motion;
 mod notes;
+mod placement;
 mod rgbd;
+mod subject;
 mod xhumans;
 
-pub use capture::{
-    Capture, CaptureKind, FrameId, RgbdCapture, ScanFrame, ScanFrames, Source, Split, has_only_rgbd, training_captures,
+pub use capture::{Capture, CaptureKind, CapturedSubject, FrameId, RgbdCapture, ScanFrame, ScanFrames, Source, Split};
+pub use check::{
+    CheckReport, CheckedFrames, Defect, DistanceReport, Finding, HandReport, SequenceReport, UnusableFrame, check,
 };
-pub use check::{CheckReport, DistanceReport, HandReport, SequenceReport, UnusableFrame, check};
 pub use motion::{
     Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
 };
 pub use notes::FrameNotes;
+pub use placement::{Origin, ScanPlacement};
 pub use rgbd::{
     BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,
     RgbdFrame, RgbdFrames, RgbdLayout, RgbdSubject, check_rgbd, parse_depth, read_depth, write_depth,
     write_rgbd_subject,
 };
-pub use xhumans::{Subject, read_frame, write_subject};
-
-use std::path::PathBuf;
-
-/// A frame that exists on disk but is not read yet.
-#[derive(Clone, Debug)]
-pub struct FrameFiles {
-    /// Which frame.
-    pub id: FrameId,
-    /// The scan: `meshes_pkl/mesh-fXXXXX.pkl` or `meshes_ply/mesh-fXXXXX.ply`.
-    pub scan: PathBuf,
-    /// The texture atlas of a raw scan.
-    pub atlas: Option<PathBuf>,
-    /// The registration's parameters.
-    pub parameters: PathBuf,
-}
+pub use subject::{FrameFile, FrameFiles, HandZero, Layout, Subject, read_frame};
+pub use xhumans::write_subject;

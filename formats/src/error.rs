@@ -113,6 +113,14 @@ pub enum Error {
         /// What it may be.
         expected: String,
     },
+    /// Data that can be read, and that nothing good can be made of.
+    #[error("{message}; {remedy}", message = Shown(message))]
+    Unfit {
+        /// What was found, with the figure, and what to do.
+        message: String,
+        /// How to take it as it is.
+        remedy: Remedy,
+    },
     /// One frame of a sequence could not be used.
     #[error("frame {frame}: {source}", frame = Shown(frame))]
     Frame {
@@ -168,9 +176,10 @@ impl Error {
     /// What the user can do, where that is known.
     pub fn remedy(&self) -> Option<&Remedy> {
         match self {
-            Self::Missing { remedy, .. } | Self::Mismatch { remedy, .. } | Self::Unrecognised { remedy, .. } => {
-                Some(remedy)
-            }
+            Self::Missing { remedy, .. }
+            | Self::Mismatch { remedy, .. }
+            | Self::Unrecognised { remedy, .. }
+            | Self::Unfit { remedy, .. } => Some(remedy),
             Self::Frame { source, .. } => source.remedy(),
             _ => None,
         }
@@ -216,6 +225,7 @@ mod tests {
                 remedy: "convert it".into(),
             },
             Error::Value { name: text.clone(), found: text.clone(), expected: text.clone() },
+            Error::Unfit { message: text.clone(), remedy: "scan again".into() },
             Error::Frame { frame: text.clone(), source: Box::new(Error::Io { path, source: system() }) },
         ];
         for error in &errors {
@@ -229,6 +239,7 @@ mod tests {
                 | Error::Mismatch { .. }
                 | Error::Unrecognised { .. }
                 | Error::Value { .. }
+                | Error::Unfit { .. }
                 | Error::Frame { .. } => {}
             }
         }

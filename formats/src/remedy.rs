@@ -23,6 +23,8 @@ pub enum Choice {
     ContinueRun,
     /// To start a run instead of continuing one.
     StartRun,
+    /// To take data with this kind of fault as they are.
+    Accept(&'static str),
     /// To look at the data first.
     CheckData,
     /// To say which bone is which joint.

@@ -46,7 +46,7 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<ReadMesh> {
     parse_mesh(path, &read_bytes(path)?)
 }
 
-/// The mesh of a file's bytes; the pictures and materials that it refers to are looked for beside `path`.
+/// The mesh of a file's bytes; what they refer to is looked for beside `path`, where the file is or could be.
 ///
 /// # Errors
 /// As [`read_mesh`].

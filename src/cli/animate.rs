@@ -11,7 +11,7 @@ use xavatar::body::Pose;
 use xavatar::formats::{read_bytes, read_text};
 
 use super::extract::MeshFormat;
-use super::inputs::load_body;
+use super::inputs::body_of;
 use super::json::JsonArgument;
 use super::motion::MotionArguments;
 use super::progress::Progress;
@@ -23,7 +23,7 @@ use super::{Outcome, outputs, stop};
     xavatar animate runs/00016 data/00016/test/Take4 --body models/smplx --out animation\n  \
     xavatar animate avatar.safetensors amass.npz --fps 30 --frames 1..300 --body models/smplx --out animation --format obj\n  \
     xavatar animate runs/00016 walk.bvh --translation origin --body models/smplx --out animation --fixed-topology\n  \
-    xavatar animate runs/00016 dance --body models/smplx --out animation\n\n\
+    xavatar animate runs/demo dance --out animation\n\n\
     Frames are written as they are made. After Ctrl-C or a crash, the same call with --resume makes those that are missing.")]
 pub struct Animate {
     /// An avatar.safetensors or a run's folder
@@ -32,9 +32,9 @@ pub struct Animate {
     /// An X-Humans sequence, AMASS, GRAB or pose estimator's .npz or .pkl, a .bvh (docs/motion.md), or `dance`: a built-in one
     #[arg(value_name = "MOTION")]
     motion: PathBuf,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl
+    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl; the demo's avatar needs none
     #[arg(long, value_name = "BODY")]
-    body: PathBuf,
+    body: Option<PathBuf>,
     /// The folder that gets mesh-f00001.ply and so on; new or empty
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -94,7 +94,7 @@ impl Animate {
     pub fn run(self) -> anyhow::Result<Outcome> {
         self.json.check()?;
         let avatar = Avatar::load(&self.avatar)?;
-        let (body, labels) = load_body(&self.body, avatar.subject.gender)?;
+        let (body, labels) = body_of(&avatar, self.body.as_deref())?;
         let clip = self.options.load(&self.motion, &avatar)?;
         let (total, frames_per_second) = (clip.frames.len(), clip.frames_per_second);
         let avatar_file = if self.avatar.is_dir() { self.avatar.join(Avatar::FILE) } else { self.avatar.clone() };

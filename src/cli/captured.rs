@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use xavatar::body::{BodyModel, PartLabels};
 use xavatar::config::{Config, preset_for_rgbd};
-use xavatar::data::{CaptureKind, Source, has_only_rgbd, training_captures};
+use xavatar::data::{CaptureKind, CapturedSubject, Source};
 use xavatar::train::TrainingSpec;
 
 use super::inputs::{SubjectArguments, load_body};
@@ -22,7 +22,7 @@ impl Kind {
     pub fn of(subject: &SubjectArguments, asked: Option<Self>) -> Self {
         match asked {
             Some(kind) => kind,
-            None if has_only_rgbd(&subject.data) => Self::Rgbd,
+            None if CapturedSubject::has_only_rgbd(&subject.data) => Self::Rgbd,
             None => Self::Scans,
         }
     }
@@ -41,6 +41,15 @@ impl Kind {
     }
 }
 
+impl From<Kind> for CaptureKind {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Scans => Self::Scans,
+            Kind::Rgbd => Self::Rgbd,
+        }
+    }
+}
+
 /// Training captures with the body that they are registered with.
 pub struct Captured {
     source: Box<dyn Source>,
@@ -51,13 +60,9 @@ pub struct Captured {
 impl Captured {
     /// Finds a subject's training captures of one kind.
     pub fn open(arguments: &SubjectArguments, kind: Kind) -> xavatar::Result<Self> {
-        let kind = match kind {
-            Kind::Scans => CaptureKind::Scans,
-            Kind::Rgbd => CaptureKind::Rgbd,
-        };
-        let source = training_captures(&arguments.data, kind)?;
-        let (body, labels) = load_body(&arguments.body, source.gender())?;
-        Ok(Self { source, body, labels })
+        let subject = CapturedSubject::open(&arguments.data, kind.into())?;
+        let (body, labels) = load_body(&arguments.body, subject.gender())?;
+        Ok(Self { source: subject.training(&body)?, body, labels })
     }
 
     /// All that a run takes.

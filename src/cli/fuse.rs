@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use image::RgbImage;
 use xavatar::body::Role;
 use xavatar::config::Config;
-use xavatar::data::{RgbdSubject, Source, Subject};
+use xavatar::data::{RgbdSubject, Source};
 use xavatar::render::{Plot, Series, write_png};
 use xavatar::runs::{Batch, Run, RunRow, RunTable, SomeCaptures, Turn, Yardstick, turned};
 use xavatar::train::TrainingSpec;
 
 use super::captured::Kind;
-use super::inputs::{Split, SubjectArguments, load_body};
+use super::inputs::{Registered, Split, SubjectArguments};
 use super::json::JsonArgument;
 use super::measured_run::finish;
 use super::progress::Progress;
@@ -61,9 +61,8 @@ impl Fuse {
         let runs: Vec<_> = self.turns.iter().map(|turn| (folder_of(*turn), &config)).collect();
         let batch = Batch::open(&self.out, "fusion", &runs, &[Self::PLOT])?;
         self.json.check()?;
-        let subject = Subject::open(&self.subject.data)?;
+        let Registered { subject, body, labels } = self.subject.open()?;
         let source = RgbdSubject::open(&self.subject.data)?.training_frames();
-        let (body, labels) = load_body(&self.subject.body, subject.gender)?;
         let stop = stop::on_interrupt()?;
         let split = self.split.into();
         let yardstick = Yardstick { scans: &subject.frames(split), split, resolution: self.resolution };

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use anyhow::{anyhow, bail};
+use anyhow::{Context, anyhow, bail};
 use glam::DVec3;
 use serde::Serialize;
 use xavatar::InputError;
@@ -17,14 +17,15 @@ use xavatar::formats::{Array, ArrayMap, Value, read_npy, read_npz, read_pickle, 
 use xavatar::mesh::{Colouring, MESH_EXTENSIONS, Note, ReadMesh, SurfacePoint, Topology, TriangleMesh, read_mesh};
 
 use super::Outcome;
+use super::described_subject::SubjectDescription;
 use super::json::JsonArgument;
 
-/// Say what a file holds: avatars, runs, body models, motions, arrays, meshes
+/// Say what a file or folder holds: avatars, runs, subjects, body models, motions, arrays, meshes
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
-    xavatar info runs/00016\n  xavatar info models/smplx/SMPLX_NEUTRAL.npz\n  xavatar info runs/00016 --json -")]
+    xavatar info runs/00016\n  xavatar info data/00016\n  xavatar info models/smplx/SMPLX_NEUTRAL.npz\n  xavatar info runs/00016 --json -")]
 pub struct Info {
-    /// A run's folder, .safetensors, .npz, .npy, .pkl, .bvh, .ply, .obj or .glb
+    /// The folder of a run or a subject, .safetensors, .npz, .npy, .pkl, .bvh, .ply, .obj or .glb
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
@@ -41,7 +42,8 @@ impl Info {
         let extension =
             path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
         let content = match extension.as_str() {
-            _ if path.is_dir() || extension == "safetensors" => of_avatar(path)?,
+            _ if path.is_dir() => of_folder(path)?,
+            "safetensors" => of_avatar(path)?,
             "npz" => of_arrays(path, &read_npz(path)?),
             "npy" => Content::Array(ArrayDescription::of(&read_npy(path)?)),
             "pkl" => match read_pickle(path)? {
@@ -63,11 +65,25 @@ impl Info {
     }
 }
 
+/// A run, or a subject: whichever the folder has files of.
+fn of_folder(path: &Path) -> anyhow::Result<Content> {
+    if [Avatar::FILE, RUN_CONFIGURATION].iter().any(|file| path.join(file).is_file()) {
+        return of_avatar(path);
+    }
+    let subject = SubjectDescription::of(path)
+        .with_context(|| format!("{}: neither a run's folder nor a subject's", path.display()))?;
+    Ok(Content::Subject(subject))
+}
+
+/// The file that a run's folder has before its avatar.
+const RUN_CONFIGURATION: &str = "config.toml";
+
 /// What a file holds. `Display` is for people, serde for scripts.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 enum Content {
     Avatar(Box<AvatarDescription>),
+    Subject(SubjectDescription),
     BodyModel {
         gender: Option<Gender>,
         vertices: usize,
@@ -220,6 +236,7 @@ impl fmt::Display for Content {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Avatar(avatar) => write!(formatter, "{avatar}"),
+            Self::Subject(subject) => write!(formatter, "{subject}"),
             Self::BodyModel { gender, vertices, faces, part_labels, arrays } => {
                 let gender = gender.map_or("of no stated gender".into(), |gender| gender.to_string());
                 writeln!(formatter, "SMPL-X body model, {gender}: {vertices} vertices, {faces} faces")?;

@@ -2,17 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use clap::ValueEnum;
+use xavatar::avatar::Avatar;
 use xavatar::body::{BodyModel, Gender, PartLabels};
 use xavatar::data::{self, Subject};
+use xavatar::synthetic::BuiltInSubject;
 
 /// A subject's folder and its body model.
 #[derive(clap::Args)]
 pub struct SubjectArguments {
-    /// The subject's folder, in the X-Humans layout or with a rgbd.toml
+    /// The subject's folder, in any layout of docs/formats.md or with a rgbd.toml
     #[arg(value_name = "DATA")]
     pub data: PathBuf,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl (the subject's gender.txt chooses)
+    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl (the subject's gender chooses)
     #[arg(long, value_name = "BODY")]
     pub body: PathBuf,
 }
@@ -53,7 +56,7 @@ impl SubjectArguments {
     pub fn open(&self) -> xavatar::Result<Registered> {
         let subject = Subject::open(&self.data)?;
         let (body, labels) = load_body(&self.body, subject.gender)?;
-        Ok(Registered { subject, body, labels })
+        Ok(Registered { subject: subject.settled(&body)?, body, labels })
     }
 }
 
@@ -62,4 +65,24 @@ pub fn load_body(path: &Path, gender: Gender) -> xavatar::Result<(BodyModel, Par
     let body = BodyModel::load(path, gender)?;
     let labels = PartLabels::find(&body)?;
     Ok((body, labels))
+}
+
+/// The body model of an avatar: the one that is given, or the built-in subject's, if the avatar is of that.
+pub fn body_of(avatar: &Avatar, path: Option<&Path>) -> anyhow::Result<(BodyModel, PartLabels)> {
+    match path {
+        Some(path) => Ok(load_body(path, avatar.subject.gender)?),
+        None => built_in_body(avatar)?
+            .context("the avatar is not the demo's, so its body model has to be given: --body FILE or FOLDER"),
+    }
+}
+
+/// The built-in subject's body, if the avatar has its skeleton.
+pub fn built_in_body(avatar: &Avatar) -> anyhow::Result<Option<(BodyModel, PartLabels)>> {
+    /// Joints closer than this are the same, metres.
+    const SAME_JOINT: f32 = 1e-4;
+    let subject = BuiltInSubject::new()?;
+    let joints = subject.model().canonical_joints(&avatar.subject.betas)?;
+    let is_same = joints.len() == avatar.subject.joints.len()
+        && joints.iter().zip(&avatar.subject.joints).all(|(joint, own)| joint.distance(*own) < SAME_JOINT);
+    Ok(is_same.then(|| (subject.model().clone(), subject.part_labels().clone())))
 }

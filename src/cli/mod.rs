@@ -13,6 +13,7 @@ mod check;
 mod completions;
 mod convert;
 mod demo;
+mod described_subject;
 mod doctor;
 mod eval;
 mod export;
@@ -22,6 +23,7 @@ mod gallery;
 mod info;
 mod inputs;
 mod json;
+mod man;
 mod measured_run;
 mod messages;
 mod motion;
@@ -36,6 +38,7 @@ mod train;
 mod training;
 mod view;
 
+use std::borrow::Cow;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -83,6 +86,7 @@ enum Verb {
     View(view::View),
     RenderRgbd(render_rgbd::RenderRgbd),
     Completions(completions::Completions),
+    Man(man::Manual),
 }
 
 /// How a verb that did not fail ended.
@@ -131,13 +135,16 @@ fn advice(error: &anyhow::Error) -> String {
         Some(error) => error.choice(),
         None => cause.downcast_ref::<InputError>()?.remedy()?.choice(),
     };
-    let option = |choice| match choice {
-        Choice::SkipBadFrames => "--skip-bad-frames",
-        Choice::ContinueRun => "--resume",
-        Choice::StartRun => "the same command without --resume",
-        Choice::CheckData => "xavatar check",
-        Choice::BoneMap => "--bone-map",
-        Choice::LearningRate => "--set optimiser.learning_rate=...",
+    let option = |choice| -> Cow<'static, str> {
+        match choice {
+            Choice::SkipBadFrames => "--skip-bad-frames".into(),
+            Choice::ContinueRun => "--resume".into(),
+            Choice::StartRun => "the same command without --resume".into(),
+            Choice::Accept(defect) => format!("--accept {defect}").into(),
+            Choice::CheckData => "xavatar check".into(),
+            Choice::BoneMap => "--bone-map".into(),
+            Choice::LearningRate => "--set optimiser.learning_rate=...".into(),
+        }
     };
     error.chain().find_map(choice_of).map_or_else(String::new, |choice| format!(" ({})", option(choice)))
 }
@@ -165,6 +172,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::View(verb) => verb.run(),
         Verb::RenderRgbd(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
+        Verb::Man(verb) => verb.run(CommandLine::command()),
     }
 }
 

@@ -4,7 +4,7 @@ mod folder;
 mod rgbd;
 mod scan;
 
-pub use folder::{has_only_rgbd, training_captures};
+pub use folder::CapturedSubject;
 pub use rgbd::RgbdCapture;
 pub use scan::{ScanFrame, ScanFrames};
 
@@ -38,6 +38,16 @@ pub enum Split {
     Train,
     /// Unseen poses, to measure on.
     Test,
+}
+
+impl Split {
+    /// `train` or `test`, as folders and frames are named.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Test => "test",
+        }
+    }
 }
 
 /// What a subject is captured with.

@@ -25,6 +25,7 @@ use xavatar_formats::Result;
 
 pub use clip::{Clip, MotionOptions};
 pub use conventions::{HandConvention, Translation, UpAxis};
+pub(crate) use named::{read as read_named, recognised as has_named};
 pub use own::write_motion;
 pub use rest::RestPose;
 

@@ -35,12 +35,12 @@ const TRANSLATION: &[&str] = &["transl", "trans", "smplx_transl", "cam_trans", "
 const RATE: &[&str] = &["frames_per_second", "fps", "mocap_frame_rate", "mocap_framerate"];
 const FLAT_HANDS: &str = "flat_hand_mean";
 
-pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
+pub(crate) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
     let found = arrays.keys().any(|key| BODY.contains(&leaf(key)));
     found.then_some(()).ok_or_else(|| format!("no {}, alone or under a prefix", quoted(BODY)))
 }
 
-pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
+pub(crate) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     let fields = Fields { path, format: FORMAT, arrays };
     // One person's parameters have one prefix, but for the numbers in it.
     let mut people: BTreeMap<String, Vec<&str>> = BTreeMap::new();

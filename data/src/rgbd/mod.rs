@@ -23,6 +23,7 @@ pub use check::{RgbdCheckReport, check_rgbd};
 pub use depth_file::{DepthPicture, parse_depth, read_depth};
 pub use depth_write::{DepthFormat, write_depth};
 pub use frame::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, RgbdFrame};
+pub(crate) use layout::Shape;
 pub use point_cloud::PointCloud;
 pub use subject::{RgbdFiles, RgbdFrames, RgbdSubject};
 pub use write::{RgbdLayout, write_rgbd_subject};

@@ -18,7 +18,7 @@ use xavatar::synthetic::DANCE;
 
 use self::cameras::{FilmCameras, Stance, turn};
 use self::exhibit::{Exhibit, Panel, Panels};
-use super::inputs::{Split, load_body};
+use super::inputs::{Split, body_of};
 use super::json::JsonArgument;
 use super::motion::MotionArguments;
 use super::progress::Progress;
@@ -34,7 +34,7 @@ const SCANS_PER_SECOND: f32 = 10.0;
 /// Picture an avatar: poses side by side as a PNG, a motion or a turntable as a film
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
-    xavatar render runs/00016 --body models/smplx --out dance.gif\n  \
+    xavatar render runs/demo --out dance.gif\n  \
     xavatar render runs/00016 --body models/smplx --turntable --view colour,normals,weights --out turntable.apng\n  \
     xavatar render runs/00016 --body models/smplx --motion walk.bvh --frames 1..90 --fps 25 --out walk.mp4\n  \
     xavatar render runs/00016 --body models/smplx --against data/00016 --out errors.png\n\n\
@@ -43,9 +43,9 @@ pub struct Render {
     /// An avatar.safetensors or a run's folder
     #[arg(value_name = "AVATAR")]
     avatar: PathBuf,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl
+    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl; the demo's avatar needs none
     #[arg(long, value_name = "BODY")]
-    body: PathBuf,
+    body: Option<PathBuf>,
     /// What to write: FILE.png, FILE.gif, FILE.apng, FILE.mp4 or a folder
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -58,7 +58,7 @@ pub struct Render {
     /// Hold the first pose (--frames chooses) and go once around it
     #[arg(long)]
     turntable: bool,
-    /// Show the scans of a subject, in the X-Humans layout, beside the avatar in the same poses, and how far they are apart
+    /// Show the scans of a subject beside the avatar in the same poses, and how far they are apart
     #[arg(long, value_name = "DATA", conflicts_with_all = ["motion", "up", "hands", "source_fps", "smooth"])]
     against: Option<PathBuf>,
     /// Which frames of --against
@@ -126,7 +126,7 @@ impl Render {
             }
         }
         let avatar = Avatar::load(&self.avatar)?;
-        let (body, labels) = load_body(&self.body, avatar.subject.gender)?;
+        let (body, labels) = body_of(&avatar, self.body.as_deref())?;
         let (scans, mut moments, rate) = self.moments(&avatar, &body)?;
         if self.turntable {
             moments.truncate(1);
@@ -168,7 +168,7 @@ impl Render {
             let moments = clip.poses(Some(body))?.into_iter().map(|pose| Moment { pose, scan: None }).collect();
             return Ok((None, moments, rate));
         };
-        let subject = Subject::open(data)?;
+        let subject = Subject::open(data)?.settled(body)?;
         let files = subject.files(self.split.into());
         let chosen = self.options.range_within(files.len())?;
         let frames = ScanFrames::new(&subject, &files[chosen]);

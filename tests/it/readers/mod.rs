@@ -10,4 +10,5 @@ mod mutated_files;
 mod official;
 mod pickle;
 mod rgbd;
+mod subjects;
 mod xhumans;

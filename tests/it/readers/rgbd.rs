@@ -652,7 +652,7 @@ fn the_check_names_units_and_camera_conventions() {
         change(folder.path());
         let report = report(folder.path());
         assert!(!report.problems.is_empty(), "{report:#?}");
-        report.problems.join("\n")
+        report.problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
     };
     let unit = |unit: &'static str| {
         move |folder: &Path| replace(&folder.join("rgbd.toml"), "depth_unit = 1.0", &format!("depth_unit = {unit}"))
@@ -695,7 +695,7 @@ fn broken_frames_are_listed_by_name() {
     let report = report(folder.path());
     assert_eq!(report.unusable.iter().map(|frame| frame.frame.as_str()).collect::<Vec<_>>(), ["train/Take1/f00012"]);
     assert!(report.unusable[0].reason.contains("depth_000002.tiff"), "{report:#?}");
-    assert!(report.problems.iter().any(|problem| problem.contains("--skip-bad-frames")), "{report:#?}");
+    assert!(report.problems.iter().any(|problem| problem.message.contains("--skip-bad-frames")), "{report:#?}");
 }
 
 #[test]
