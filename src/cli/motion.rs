@@ -3,13 +3,16 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
+use xavatar::InputError;
 use xavatar::avatar::Avatar;
 use xavatar::data::{Clip, HandConvention, MotionOptions, RestPose, Translation, UpAxis};
 use xavatar::formats::read_text;
 use xavatar::synthetic::load_clip;
+
+use super::{WrongUsage, wrong_usage};
 
 /// What the user declares about a motion, and what is to be made of it.
 #[derive(Clone, Debug, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -76,7 +79,11 @@ struct FrameRange(usize, Option<usize>);
 impl MotionArguments {
     /// Reads a motion for an avatar, and tells what was detected, declared and changed.
     pub fn load(&self, motion: &Path, avatar: &Avatar) -> anyhow::Result<Clip> {
-        let clip = load_clip(motion, &self.options(avatar)?)?;
+        let clip = load_clip(motion, &self.options(avatar)?).map_err(|error| match error {
+            // What the file itself lacks is another kind of error.
+            xavatar::Error::Input(InputError::Value { .. }) => WrongUsage(error.into()).into(),
+            error => anyhow::Error::from(error),
+        })?;
         clip.report.iter().for_each(|line| log::info!("{line}"));
         Ok(clip)
     }
@@ -91,7 +98,7 @@ impl MotionArguments {
         let FrameRange(first, last) = self.frames.unwrap_or(FrameRange(1, None));
         let last = last.unwrap_or(count);
         if first > last.max(1) || last > count {
-            bail!("--frames {first}..{last}: there are {count} frames");
+            wrong_usage!("--frames {first}..{last}: there are {count} frames");
         }
         Ok(first - 1..last)
     }
