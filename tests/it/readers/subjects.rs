@@ -355,7 +355,7 @@ fn what_is_missing_is_named_in_the_layout_that_is_there() {
     fs::remove_file(folder.path().join("fits/2.npz")).unwrap();
     let subject = open(folder.path());
     let complaint = |index: usize| read_frame(&subject.train[index], &subject.betas).unwrap_err().to_string();
-    for (index, words) in [(0, ["scan not found", "scans", "1 as"]), (1, ["not found", "fits", "2 as"])] {
+    for (index, words) in [(0, ["the frame's scan", "scans", "1 as"]), (1, ["not found", "fits", "2 as"])] {
         let said = complaint(index);
         for word in words {
             assert!(said.contains(word), "{said}");
