@@ -10,7 +10,7 @@ mod xhumans;
 
 pub use check::{CheckReport, DistanceReport, HandReport, SequenceReport, UnusableFrame, check};
 pub use motion::{
-    Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
+    Clip, Coordinates, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
 };
 pub use rgbd::{
     BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,

@@ -4,7 +4,7 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::{Motion, Onto, amass, bvh, grab, named, own};
+use super::{Motion, Wanted, amass, bvh, grab, named, own};
 use crate::xhumans::{motion_files, parameters_of};
 use xavatar_body::BodyParameters;
 use xavatar_formats::{ArrayMap, Error, Result, excerpt, read_npz, read_pickle_arrays};
@@ -32,9 +32,9 @@ const FORMATS: [Format; 5] = [
 ];
 
 /// Reads a file of any format, or a folder of one file a frame.
-pub(super) fn read(path: &Path, onto: &Onto) -> Result<Motion> {
+pub(super) fn read(path: &Path, wanted: &Wanted) -> Result<Motion> {
     if path.is_dir() {
-        return read_folder(path, onto);
+        return read_folder(path, wanted);
     }
     if !path.is_file() {
         return Err(Error::Missing {
@@ -45,7 +45,7 @@ pub(super) fn read(path: &Path, onto: &Onto) -> Result<Motion> {
     }
     let start = start_of(path)?;
     if bvh::is_bvh(&start) {
-        return bvh::read(path, onto.rest, onto.bone_map);
+        return bvh::read(path, wanted.rest, wanted.bone_map);
     }
     let is_pickle = start.first() == Some(&0x80) || path.extension().is_some_and(|name| name == "pkl");
     let (container, arrays) = if start.starts_with(b"PK") {
@@ -139,7 +139,7 @@ fn xhumans_motion(source: &Path, frames: Vec<BodyParameters>) -> Motion {
     }
 }
 
-fn read_folder(folder: &Path, onto: &Onto) -> Result<Motion> {
+fn read_folder(folder: &Path, wanted: &Wanted) -> Result<Motion> {
     let files = motion_files(folder)?;
     if !files.is_empty() {
         let frame = |file: &PathBuf| parameters_of(file, &read_pickle_arrays(file)?);
@@ -147,7 +147,7 @@ fn read_folder(folder: &Path, onto: &Onto) -> Result<Motion> {
         return Ok(xhumans_motion(folder, frames));
     }
     let (files, note) = frame_files(folder)?;
-    let mut motions = files.iter().map(|file| read(file, onto));
+    let mut motions = files.iter().map(|file| read(file, wanted));
     let mut motion = motions.next().unwrap_or_else(|| {
         Err(Error::Missing {
             path: folder.into(),
