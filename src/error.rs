@@ -1,6 +1,6 @@
 //! What can go wrong, as data: each variant names the thing, what was found, and the remedy.
 
-use xavatar_formats::Error as InputError;
+use xavatar_formats::{Error as InputError, Shown};
 use xavatar_mesh::ExtractionError;
 
 /// Result of every fallible call of this library.
@@ -14,7 +14,7 @@ pub enum Error {
     #[error(transparent)]
     Input(#[from] InputError),
     /// A configuration key that does not exist.
-    #[error("unknown setting `{key}`; did you mean `{nearest}`?")]
+    #[error("unknown setting `{key}`; did you mean `{nearest}`?", key = Shown(key))]
     UnknownSetting {
         /// The key as given.
         key: String,
@@ -22,7 +22,7 @@ pub enum Error {
         nearest: String,
     },
     /// One frame of a sequence could not be used.
-    #[error("frame {frame}: {source}")]
+    #[error("frame {frame}: {source}", frame = Shown(frame))]
     Frame {
         /// The frame, as `split/sequence/number`.
         frame: String,
@@ -43,7 +43,8 @@ pub enum Error {
     },
     /// A loss or gradient stopped being a number.
     #[error(
-        "{what} became non-finite at step {step}, frame {frame}; the last checkpoint is kept, resume with a smaller learning rate (--set optimiser.learning_rate=...)"
+        "{what} became non-finite at step {step}, frame {frame}; the last checkpoint is kept, resume with a smaller learning rate (--set optimiser.learning_rate=...)",
+        frame = Shown(frame)
     )]
     NonFinite {
         /// Which quantity.

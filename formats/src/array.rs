@@ -87,6 +87,11 @@ impl Array {
         }
     }
 
+    /// How many elements there are; one for text.
+    pub(crate) fn elements(&self) -> usize {
+        self.shape.iter().product()
+    }
+
     /// What the array is, for messages: `f32 (3, 4)`.
     pub fn description(&self) -> String {
         if let ArrayData::Text(text) = &self.data {
@@ -110,7 +115,7 @@ impl Array {
 
 impl ArrayData {
     /// Memory that the elements take.
-    pub(super) fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         match self {
             Self::U8(values) => values.len(),
             Self::I64(values) => size_of_val(values.as_slice()),

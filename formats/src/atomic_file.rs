@@ -1,4 +1,5 @@
-//! Files that appear whole or not at all: written to a temporary name in the same folder, synced, renamed.
+//! Files that appear whole or not at all: written to a temporary name in the same folder, synced, renamed; then the folder is synced,
+//! so that the new name outlasts a power failure.
 
 use std::fs;
 use std::io::{self, BufWriter, Write};
@@ -27,9 +28,18 @@ pub fn write_atomically(
         drop(writer);
         temporary.as_file().sync_all()?;
         temporary.persist(path)?;
-        Ok(())
+        sync_folder(folder)
     };
     attempt().map_err(Error::io(path))
+}
+
+/// Returns once the names in a folder are on the disk. Only Unix opens folders as files.
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    #[cfg(unix)]
+    fs::File::open(folder)?.sync_all()?;
+    #[cfg(not(unix))]
+    let _ = folder;
+    Ok(())
 }
 
 #[cfg(test)]

@@ -6,15 +6,16 @@
 
 use half::f16;
 
-use super::fault::{Fault, excerpt};
-use super::{Array, ArrayData};
+use crate::budget::Budget;
+use crate::fault::{Fault, excerpt};
+use crate::{Array, ArrayData};
 
 /// More dimensions than numpy itself allows (64) is a corrupt header.
 const MAX_DIMENSIONS: usize = 64;
 
 /// The kind of an element, numpy's type character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ElementKind {
+pub(crate) enum ElementKind {
     Boolean,
     Unsigned,
     Signed,
@@ -29,16 +30,16 @@ pub(super) enum ElementKind {
 
 /// A numpy element type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ElementType {
-    pub(super) kind: ElementKind,
+pub(crate) struct ElementType {
+    pub(crate) kind: ElementKind,
     /// Bytes an element occupies.
-    pub(super) size: usize,
-    pub(super) big_endian: bool,
+    pub(crate) size: usize,
+    pub(crate) big_endian: bool,
 }
 
 impl ElementType {
     /// Reads numpy's notation: an optional byte order, a kind and a count (`f4`, `<U7`, `|O`).
-    pub(super) fn parse(text: &str) -> Result<Self, Fault> {
+    pub(crate) fn parse(text: &str) -> Result<Self, Fault> {
         let unknown = || {
             Fault::malformed("element type", excerpt(text), "a boolean, integer, float (2 to 8 bytes) or string type")
         };
@@ -65,23 +66,18 @@ impl ElementType {
         Ok(Self { kind, size, big_endian })
     }
 
-    pub(super) fn is_text(self) -> bool {
+    pub(crate) fn is_text(self) -> bool {
         matches!(self.kind, ElementKind::Unicode | ElementKind::ByteString)
     }
 
-    /// Bytes an element takes in an [`Array`], for memory budgets.
-    pub(super) fn decoded_size(self) -> usize {
-        match self.kind {
-            ElementKind::Boolean => 1,
-            ElementKind::Unsigned if self.size == 1 => 1,
-            ElementKind::Unsigned | ElementKind::Signed => 8,
-            ElementKind::Float => self.size.max(4),
-            ElementKind::Unicode | ElementKind::ByteString | ElementKind::Object => self.size,
-        }
-    }
-
     /// An array of these elements from its stored bytes, whose number must be exactly what `shape` says.
-    pub(super) fn array(self, shape: Vec<usize>, fortran_order: bool, bytes: &[u8]) -> Result<Array, Fault> {
+    pub(crate) fn array(
+        self,
+        shape: Vec<usize>,
+        fortran_order: bool,
+        bytes: &[u8],
+        budget: &Budget,
+    ) -> Result<Array, Fault> {
         let count = element_count(&shape)?;
         let needed = count.checked_mul(self.size);
         if needed != Some(bytes.len()) {
@@ -91,55 +87,65 @@ impl ElementType {
                 format_args!("{count} elements of {} bytes", self.size),
             ));
         }
-        if fortran_order && shape.iter().filter(|&&extent| extent > 1).count() > 1 {
-            let data = self.decode(&row_major(&shape, self.size, bytes), count)?;
+        if count > 0 && fortran_order && shape.iter().filter(|&&extent| extent > 1).count() > 1 {
+            let reordered = row_major(&shape, self.size, bytes, budget)?;
+            let data = self.decode(&reordered, count, budget)?;
+            budget.give_back(reordered.len());
             return Ok(Array { shape, data });
         }
-        let data = self.decode(bytes, count)?;
+        let data = self.decode(bytes, count, budget)?;
         Ok(Array { shape, data })
     }
 
     /// One string per element, of a Unicode or byte-string type.
-    pub(super) fn strings(self, bytes: &[u8]) -> Result<Vec<String>, Fault> {
+    pub(crate) fn strings(self, bytes: &[u8], budget: &Budget) -> Result<Vec<String>, Fault> {
         if self.size == 0 {
             return Ok(Vec::new());
         }
-        bytes.chunks_exact(self.size).map(|element| self.string(element)).collect()
+        let elements = bytes.chunks_exact(self.size);
+        budget.collect(elements.len(), "strings", elements.map(|element| self.string(element, budget)))
     }
 
-    fn decode(self, bytes: &[u8], count: usize) -> Result<ArrayData, Fault> {
-        Ok(match (self.kind, self.size) {
-            (ElementKind::Boolean, _) => ArrayData::U8(bytes.iter().map(|&byte| u8::from(byte != 0)).collect()),
-            (ElementKind::Unsigned, 1) => ArrayData::U8(bytes.to_vec()),
-            (ElementKind::Unsigned, 2) => ArrayData::I64(self.each(bytes, u16::from_le_bytes, i64::from)),
-            (ElementKind::Unsigned, 4) => ArrayData::I64(self.each(bytes, u32::from_le_bytes, i64::from)),
+    fn decode(self, bytes: &[u8], count: usize, budget: &Budget) -> Result<ArrayData, Fault> {
+        let integers = |values: Result<Vec<i64>, Fault>| values.map(ArrayData::I64);
+        match (self.kind, self.size) {
+            (ElementKind::Boolean, _) => {
+                self.each(bytes, budget, u8::from_le_bytes, |byte| Ok(u8::from(byte != 0))).map(ArrayData::U8)
+            }
+            (ElementKind::Unsigned, 1) => self.each(bytes, budget, u8::from_le_bytes, Ok).map(ArrayData::U8),
+            (ElementKind::Unsigned, 2) => integers(self.each(bytes, budget, u16::from_le_bytes, |v| Ok(v.into()))),
+            (ElementKind::Unsigned, 4) => integers(self.each(bytes, budget, u32::from_le_bytes, |v| Ok(v.into()))),
             (ElementKind::Unsigned, _) => {
-                let values = self.each(bytes, u64::from_le_bytes, |value| value);
-                let values: Result<_, _> = values.into_iter().map(i64::try_from).collect();
                 let beyond = |_| Fault::malformed("array", "an integer above 2^63 - 1", "64-bit signed integers");
-                ArrayData::I64(values.map_err(beyond)?)
+                integers(self.each(bytes, budget, u64::from_le_bytes, |value| i64::try_from(value).map_err(beyond)))
             }
-            (ElementKind::Signed, 1) => ArrayData::I64(self.each(bytes, i8::from_le_bytes, i64::from)),
-            (ElementKind::Signed, 2) => ArrayData::I64(self.each(bytes, i16::from_le_bytes, i64::from)),
-            (ElementKind::Signed, 4) => ArrayData::I64(self.each(bytes, i32::from_le_bytes, i64::from)),
-            (ElementKind::Signed, _) => ArrayData::I64(self.each(bytes, i64::from_le_bytes, |value| value)),
-            (ElementKind::Float, 2) => ArrayData::F32(self.each(bytes, f16::from_le_bytes, f32::from)),
-            (ElementKind::Float, 4) => ArrayData::F32(self.each(bytes, f32::from_le_bytes, |value| value)),
-            (ElementKind::Float, _) => ArrayData::F64(self.each(bytes, f64::from_le_bytes, |value| value)),
-            (ElementKind::Unicode | ElementKind::ByteString, _) if count == 1 => ArrayData::Text(self.string(bytes)?),
+            (ElementKind::Signed, 1) => integers(self.each(bytes, budget, i8::from_le_bytes, |v| Ok(v.into()))),
+            (ElementKind::Signed, 2) => integers(self.each(bytes, budget, i16::from_le_bytes, |v| Ok(v.into()))),
+            (ElementKind::Signed, 4) => integers(self.each(bytes, budget, i32::from_le_bytes, |v| Ok(v.into()))),
+            (ElementKind::Signed, _) => integers(self.each(bytes, budget, i64::from_le_bytes, Ok)),
+            (ElementKind::Float, 2) => {
+                self.each(bytes, budget, f16::from_le_bytes, |value| Ok(value.into())).map(ArrayData::F32)
+            }
+            (ElementKind::Float, 4) => self.each(bytes, budget, f32::from_le_bytes, Ok).map(ArrayData::F32),
+            (ElementKind::Float, _) => self.each(bytes, budget, f64::from_le_bytes, Ok).map(ArrayData::F64),
+            (ElementKind::Unicode | ElementKind::ByteString, _) if count == 1 => {
+                self.string(bytes, budget).map(ArrayData::Text)
+            }
             (ElementKind::Unicode | ElementKind::ByteString, _) => {
-                return Err(Fault::malformed("array", format_args!("{count} strings"), "numbers, or a single string"));
+                Err(Fault::malformed("array", format_args!("{count} strings"), "numbers, or a single string"))
             }
-            (ElementKind::Object, _) => return Err(Fault::refused("an array of Python objects")),
-        })
+            (ElementKind::Object, _) => Err(Fault::refused("an array of Python objects")),
+        }
     }
 
+    /// Elements of `SIZE` bytes, each widened.
     fn each<const SIZE: usize, Stored, Wide>(
         self,
         bytes: &[u8],
+        budget: &Budget,
         little_endian: fn([u8; SIZE]) -> Stored,
-        widen: fn(Stored) -> Wide,
-    ) -> Vec<Wide> {
+        widen: impl Fn(Stored) -> Result<Wide, Fault>,
+    ) -> Result<Vec<Wide>, Fault> {
         let (elements, _) = bytes.as_chunks::<SIZE>();
         let element = |&(mut stored): &[u8; SIZE]| {
             if self.big_endian {
@@ -147,19 +153,29 @@ impl ElementType {
             }
             widen(little_endian(stored))
         };
-        elements.iter().map(element).collect()
+        budget.collect(elements.len(), "an array", elements.iter().map(element))
     }
 
-    fn string(self, element: &[u8]) -> Result<String, Fault> {
+    /// The text of one element, without its padding.
+    fn string(self, element: &[u8], budget: &Budget) -> Result<String, Fault> {
         let invalid = || Fault::malformed("string", "an invalid character", "Unicode text");
-        let text = if self.kind == ElementKind::Unicode {
-            let units = self.each(element, u32::from_le_bytes, |unit| unit);
-            let text: Option<String> = units.into_iter().map(char::from_u32).collect();
-            text.ok_or_else(invalid)?
+        let utf8 = if self.kind == ElementKind::Unicode {
+            let units = self.each(element, budget, u32::from_le_bytes, Ok)?;
+            let text = &units[..units.iter().rposition(|&unit| unit != 0).map_or(0, |last| last + 1)];
+            let mut utf8 = budget.vector(element.len(), "text")?;
+            for &unit in text {
+                let character = char::from_u32(unit).ok_or_else(invalid)?;
+                utf8.extend_from_slice(character.encode_utf8(&mut [0; 4]).as_bytes());
+            }
+            budget.give_back(element.len());
+            utf8
         } else {
-            String::from_utf8(element.to_vec()).map_err(|_| invalid())?
+            let text = &element[..element.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1)];
+            let mut utf8 = budget.vector(text.len(), "text")?;
+            utf8.extend_from_slice(text);
+            utf8
         };
-        Ok(text.trim_end_matches('\0').to_owned())
+        String::from_utf8(utf8).map_err(|_| invalid())
     }
 }
 
@@ -179,14 +195,14 @@ pub fn element_count(shape: &[usize]) -> Result<usize, Fault> {
 }
 
 /// Column-major storage reordered to row-major. `size` bytes an element.
-fn row_major(shape: &[usize], size: usize, column_major: &[u8]) -> Vec<u8> {
+fn row_major(shape: &[usize], size: usize, column_major: &[u8], budget: &Budget) -> Result<Vec<u8>, Fault> {
     let mut strides = Vec::with_capacity(shape.len());
     let mut stride = size;
     for &extent in shape {
         strides.push(stride);
         stride *= extent;
     }
-    let mut reordered = Vec::with_capacity(column_major.len());
+    let mut reordered = budget.vector(column_major.len(), "reordering an array")?;
     let mut index = vec![0; shape.len()];
     let mut offset = 0;
     while reordered.len() < column_major.len() {
@@ -201,7 +217,7 @@ fn row_major(shape: &[usize], size: usize, column_major: &[u8]) -> Vec<u8> {
             index[axis] = 0;
         }
     }
-    reordered
+    Ok(reordered)
 }
 
 #[cfg(test)]
@@ -209,7 +225,7 @@ mod tests {
     use super::*;
 
     fn array(element: &str, shape: &[usize], fortran_order: bool, bytes: &[u8]) -> Result<Array, Fault> {
-        ElementType::parse(element)?.array(shape.to_vec(), fortran_order, bytes)
+        ElementType::parse(element)?.array(shape.to_vec(), fortran_order, bytes, &Budget::of_file(bytes.len()))
     }
 
     #[test]

@@ -1,6 +1,11 @@
 //! What can be wrong with what a user gave, as data: each variant names the thing, what was found, and the remedy.
+//!
+//! The data is as it was found, in a file or a path, so every message shows it through [`Shown`]: on one line, cut, and with nothing
+//! in it that a terminal obeys.
 
 use std::path::{Path, PathBuf};
+
+use crate::shown::Shown;
 
 /// Result of every fallible call of the crates that read and look at what users have.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -10,7 +15,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[non_exhaustive]
 pub enum Error {
     /// The operating system refused a read or write.
-    #[error("{path}: {source}", path = path.display())]
+    #[error("{path}: {source}", source = Shown(source), path = Shown(path.display()))]
     Io {
         /// The file or folder.
         path: PathBuf,
@@ -18,7 +23,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A file or folder that has to be there is not.
-    #[error("{path}: {what} not found; {remedy}", path = path.display())]
+    #[error("{path}: {what} not found; {remedy}", path = Shown(path.display()), what = Shown(what), remedy = Shown(remedy))]
     Missing {
         /// Where it was looked for.
         path: PathBuf,
@@ -28,7 +33,10 @@ pub enum Error {
         remedy: String,
     },
     /// A file does not follow its format.
-    #[error("{path}: not a valid {format}: {place} is {found}, expected {expected}", path = path.display())]
+    #[error(
+        "{path}: not a valid {format}: {place} is {found}, expected {expected}",
+        path = Shown(path.display()), place = Shown(place), found = Shown(found), expected = Shown(expected)
+    )]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -41,16 +49,37 @@ pub enum Error {
         /// What should stand there.
         expected: String,
     },
-    /// A file asks for code to be run, or for more memory than its size can explain.
-    #[error("{path}: refused: {found}; only plain numbers, strings and arrays are read", path = path.display())]
+    /// A file asks for code to be run, or for what only a decompression bomb holds.
+    #[error(
+        "{path}: refused: {found}; only plain numbers, strings and arrays are read",
+        path = Shown(path.display()), found = Shown(found)
+    )]
     Refused {
         /// The file.
         path: PathBuf,
         /// What it asked for.
         found: String,
     },
+    /// A file asks for more memory than its size can explain, or than there is.
+    #[error(
+        "{path}: {purpose} takes {bytes} bytes of memory, {limit}",
+        path = Shown(path.display()), purpose = Shown(purpose)
+    )]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// What in it, and what the memory is for.
+        purpose: String,
+        /// How much it takes, bytes.
+        bytes: u64,
+        /// Which limit that is beyond.
+        limit: MemoryLimit,
+    },
     /// A valid file that is not what the command needs (an SMPL model for SMPL-X, a wrong gender, ...).
-    #[error("{path}: {found}, expected {expected}; {remedy}", path = path.display())]
+    #[error(
+        "{path}: {found}, expected {expected}; {remedy}",
+        path = Shown(path.display()), found = Shown(found), expected = Shown(expected), remedy = Shown(remedy)
+    )]
     Mismatch {
         /// The file.
         path: PathBuf,
@@ -62,7 +91,7 @@ pub enum Error {
         remedy: String,
     },
     /// A file that is in none of the formats that it could be in.
-    #[error("{path}: no {what} that can be read:\n  {tried}\n{remedy}", path = path.display(), tried = tried.join("\n  "))]
+    #[error("{path}: no {what} that can be read:{tried}\n{remedy}", path = Shown(path.display()), tried = Indented(tried))]
     Unrecognised {
         /// The file.
         path: PathBuf,
@@ -74,7 +103,7 @@ pub enum Error {
         remedy: &'static str,
     },
     /// A value outside its range, or an array of the wrong shape, passed by a caller or a configuration.
-    #[error("{name} is {found}, expected {expected}")]
+    #[error("{name} is {found}, expected {expected}", name = Shown(name), found = Shown(found), expected = Shown(expected))]
     Value {
         /// The name of the value.
         name: String,
@@ -84,13 +113,48 @@ pub enum Error {
         expected: String,
     },
     /// One frame of a sequence could not be used.
-    #[error("frame {frame}: {source}")]
+    #[error("frame {frame}: {source}", frame = Shown(frame))]
     Frame {
         /// The frame, as `split/sequence/number`.
         frame: String,
         /// Why.
         source: Box<Error>,
     },
+}
+
+/// What bounds the memory that a file may take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MemoryLimit {
+    /// A budget in proportion to the file's size.
+    OfFile {
+        /// The file's size.
+        file_bytes: u64,
+        /// What a file of this size may take.
+        bytes: u64,
+    },
+    /// What the system gives.
+    OfSystem,
+}
+
+impl std::fmt::Display for MemoryLimit {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::OfFile { file_bytes, bytes } => {
+                write!(formatter, "of the {bytes} that a file of {file_bytes} bytes may take in all; ")?;
+                formatter.write_str("if it is honest, save it uncompressed or in parts")
+            }
+            Self::OfSystem => formatter.write_str("which the system does not have; close other programs or add memory"),
+        }
+    }
+}
+
+/// Lines, each indented on a line of its own.
+struct Indented<'a>(&'a [String]);
+
+impl std::fmt::Display for Indented<'_> {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.iter().try_for_each(|line| write!(formatter, "\n  {}", Shown(line)))
+    }
 }
 
 impl Error {
@@ -104,5 +168,62 @@ impl Error {
     #[must_use]
     pub fn in_frame(self, frame: impl Into<String>) -> Self {
         Self::Frame { frame: frame.into(), source: Box::new(self) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An error of every kind, with `text` wherever one has text that may come from a file.
+    fn every_error(text: &str) -> Vec<Error> {
+        let (path, text) = (PathBuf::from(text), text.to_owned());
+        let system = || std::io::Error::other(text.clone());
+        let errors = vec![
+            Error::Io { path: path.clone(), source: system() },
+            Error::Missing { path: path.clone(), what: text.clone(), remedy: text.clone() },
+            Error::Malformed {
+                path: path.clone(),
+                format: "npz archive",
+                place: text.clone(),
+                found: text.clone(),
+                expected: text.clone(),
+            },
+            Error::Refused { path: path.clone(), found: text.clone() },
+            Error::TooLarge { path: path.clone(), purpose: text.clone(), bytes: 1, limit: MemoryLimit::OfSystem },
+            Error::Mismatch { path: path.clone(), found: text.clone(), expected: text.clone(), remedy: text.clone() },
+            Error::Unrecognised { path: path.clone(), what: "motion", tried: vec![text.clone()], remedy: "convert it" },
+            Error::Value { name: text.clone(), found: text.clone(), expected: text.clone() },
+            Error::Frame { frame: text.clone(), source: Box::new(Error::Io { path, source: system() }) },
+        ];
+        for error in &errors {
+            // A new kind of error does not compile here: add it to the list above.
+            match error {
+                Error::Io { .. }
+                | Error::Missing { .. }
+                | Error::Malformed { .. }
+                | Error::Refused { .. }
+                | Error::TooLarge { .. }
+                | Error::Mismatch { .. }
+                | Error::Unrecognised { .. }
+                | Error::Value { .. }
+                | Error::Frame { .. } => {}
+            }
+        }
+        errors
+    }
+
+    #[test]
+    fn no_message_carries_what_a_terminal_obeys_or_more_than_a_screen() {
+        for error in every_error("\u{1b}]0;title\u{7}\n\u{9b}2J\r") {
+            let message = error.to_string();
+            let lines = if matches!(error, Error::Unrecognised { .. }) { 3 } else { 1 };
+            assert_eq!(message.lines().count(), lines, "{message:?}");
+            assert!(!message.chars().any(|character| character.is_control() && character != '\n'), "{message:?}");
+        }
+        for error in every_error(&"x".repeat(100_000)) {
+            let message = error.to_string();
+            assert!(message.len() < 4000, "{} bytes: {}", message.len(), &message[..80]);
+        }
     }
 }

@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use crate::Error;
+use crate::error::MemoryLimit;
 
 /// Why bytes could not be read.
 #[derive(Debug)]
@@ -18,8 +19,17 @@ pub enum Fault {
         /// What should stand there.
         expected: String,
     },
-    /// The bytes ask for code to be run, or for more memory than their size can explain.
+    /// The bytes ask for code to be run.
     Refused(String),
+    /// The bytes ask for more memory than their size can explain, or than there is.
+    TooLarge {
+        /// What the memory is for.
+        purpose: String,
+        /// How much, bytes.
+        bytes: u64,
+        /// Which limit that is beyond.
+        limit: MemoryLimit,
+    },
 }
 
 impl Fault {
@@ -37,6 +47,10 @@ impl Fault {
         Self::Refused(found.to_string())
     }
 
+    pub(crate) fn too_large(purpose: impl std::fmt::Display, bytes: usize, limit: MemoryLimit) -> Self {
+        Self::TooLarge { purpose: purpose.to_string(), bytes: bytes as u64, limit }
+    }
+
     /// The same fault, inside the named part of a larger file.
     pub fn within(self, part: &str) -> Self {
         match self {
@@ -44,6 +58,9 @@ impl Fault {
                 Self::Malformed { place: format!("{part}, {place}"), found, expected }
             }
             Self::Refused(found) => Self::Refused(format!("{part} asks for {found}")),
+            Self::TooLarge { purpose, bytes, limit } => {
+                Self::TooLarge { purpose: format!("{part}, {purpose}"), bytes, limit }
+            }
         }
     }
 
@@ -53,6 +70,7 @@ impl Fault {
         match self {
             Self::Malformed { place, found, expected } => Error::Malformed { path, format, place, found, expected },
             Self::Refused(found) => Error::Refused { path, found },
+            Self::TooLarge { purpose, bytes, limit } => Error::TooLarge { path, purpose, bytes, limit },
         }
     }
 }

@@ -8,29 +8,38 @@
 //! | safetensors | [`TensorFile`] |
 //! | PNG, JPEG | [`read_picture`] |
 //!
+//! Files are opened by [`open_file`], which refuses pipes and devices, and read on a budget of memory in proportion to their size.
+//! What messages quote of them goes through [`Shown`], which leaves nothing that steers a terminal.
+//!
 //! Readers of bytes return a [`Fault`], which names place, finding and expectation; readers of paths an [`Error`], which names the
 //! file as well. Every crate below training shares this [`Error`]: what a user gave, and what is wrong with it.
 
 mod array;
 mod atomic_file;
+mod budget;
 mod element;
 mod error;
 mod fault;
+mod input_file;
+mod jpeg;
 mod npy;
 mod npz;
 mod pickle;
 mod picture_file;
+mod shown;
 mod tensor_file;
 mod torch;
 
 pub use array::{Array, ArrayData, ArrayMap};
 pub use atomic_file::write_atomically;
 pub use element::element_count;
-pub use error::{Error, Result};
+pub use error::{Error, MemoryLimit, Result};
 pub use fault::{Fault, excerpt};
-pub use npy::{npy_bytes, read_npy};
-pub use npz::{read_npz, write_npz};
-pub use pickle::{Value, read_pickle, read_pickle_arrays, write_pickle};
+pub use input_file::{open_file, read_bytes, read_text};
+pub use npy::{npy_bytes, parse_npy, read_npy};
+pub use npz::{parse_npz, read_npz, write_npz};
+pub use pickle::{Value, parse_pickle, parse_pickle_arrays, read_pickle, read_pickle_arrays, write_pickle};
 pub use picture_file::{read_picture, write_picture};
+pub use shown::{Shown, harmless};
 pub use tensor_file::{NamedTensors, TensorFile};
-pub use torch::read_torch;
+pub use torch::{parse_torch, read_torch};

@@ -1,15 +1,16 @@
 //! The npy format (numpy's `format.py`, versions 1 to 3): a magic, a header that is a Python dict literal, raw elements.
 //!
 //! Row- or column-major, either byte order. The header's shape is checked against the bytes that follow before
-//! anything is allocated for them. Arrays of Python objects are refused; inside an npz the allow-list pickle
+//! anything is allocated for them, on the file's [`Budget`]. Arrays of Python objects are refused; inside an npz the allow-list pickle
 //! interpreter reads them.
 
 use std::path::Path;
 
-use super::element::{ElementKind, ElementType, element_count};
-use super::fault::{Fault, excerpt};
-use super::{Array, ArrayData};
-use crate::{Error, Result};
+use crate::budget::Budget;
+use crate::element::{ElementKind, ElementType, element_count};
+use crate::fault::{Fault, excerpt};
+use crate::input_file::read_bytes;
+use crate::{Array, ArrayData, Result};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -22,25 +23,32 @@ const DATA_ALIGNMENT: usize = 64;
 /// Reads a `.npy` file.
 ///
 /// # Errors
-/// [`Error::Malformed`] if the file is not one array of numbers or one string, or is cut short;
-/// [`Error::Refused`] if it holds pickled objects.
+/// [`Error::Malformed`](crate::Error::Malformed) if the file is not one array of numbers or one string, or is cut short;
+/// [`Error::Refused`](crate::Error::Refused) if it holds pickled objects.
 pub fn read_npy(path: impl AsRef<Path>) -> Result<Array> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    NpyFile::parse(&bytes).and_then(NpyFile::array).map_err(|fault| fault.in_file(path, "npy array"))
+    parse_npy(&read_bytes(path)?).map_err(|fault| fault.in_file(path, "npy array"))
+}
+
+/// The array of an npy file's bytes.
+///
+/// # Errors
+/// As [`read_npy`], without the file's name.
+pub fn parse_npy(bytes: &[u8]) -> std::result::Result<Array, Fault> {
+    NpyFile::parse(bytes)?.array(&Budget::of_file(bytes.len()))
 }
 
 /// An npy file whose header has been read.
-pub(super) struct NpyFile<'a> {
-    pub(super) element: ElementType,
-    pub(super) shape: Vec<usize>,
+pub(crate) struct NpyFile<'a> {
+    pub(crate) element: ElementType,
+    pub(crate) shape: Vec<usize>,
     fortran_order: bool,
     /// What follows the header: elements, or a pickle if they are objects.
-    pub(super) data: &'a [u8],
+    pub(crate) data: &'a [u8],
 }
 
 impl<'a> NpyFile<'a> {
-    pub(super) fn parse(bytes: &'a [u8]) -> std::result::Result<Self, Fault> {
+    pub(crate) fn parse(bytes: &'a [u8]) -> std::result::Result<Self, Fault> {
         let truncated = || Fault::malformed("header", format_args!("{} bytes", bytes.len()), "a whole npy header");
         let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| {
             Fault::malformed("byte 0", excerpt(&String::from_utf8_lossy(&bytes[..bytes.len().min(6)])), "\\x93NUMPY")
@@ -68,12 +76,12 @@ impl<'a> NpyFile<'a> {
         Ok(Self { element, shape: header.shape, fortran_order: header.fortran_order, data })
     }
 
-    pub(super) fn is_objects(&self) -> bool {
+    pub(crate) fn is_objects(&self) -> bool {
         self.element.kind == ElementKind::Object
     }
 
-    pub(super) fn array(self) -> std::result::Result<Array, Fault> {
-        self.element.array(self.shape, self.fortran_order, self.data)
+    pub(crate) fn array(self, budget: &Budget) -> std::result::Result<Array, Fault> {
+        self.element.array(self.shape, self.fortran_order, self.data, budget)
     }
 }
 

@@ -1,7 +1,7 @@
 //! PyTorch files (`torch.save` since PyTorch 1.6: `.pth`, `.pt`, Lightning's `.ckpt`), read without PyTorch and without running anything.
 //!
 //! A zip archive of uncompressed members: `NAME/data.pkl`, a pickle in which tensors refer to storages; `NAME/data/KEY`, their
-//! bytes; `NAME/byteorder`. Nothing is copied before a tensor asks for it, so memory is bounded by the file's size.
+//! bytes; `NAME/byteorder`. Nothing is copied before a tensor asks for it, on the file's [`Budget`].
 
 use std::collections::HashMap;
 use std::io::{self, Cursor};
@@ -9,10 +9,11 @@ use std::path::Path;
 
 use zip::{CompressionMethod, ZipArchive};
 
-use super::Value;
-use super::fault::Fault;
-use super::pickle::{Storages, parse_pickle_with_tensors};
-use crate::{Error, Result};
+use crate::budget::Budget;
+use crate::fault::Fault;
+use crate::input_file::read_bytes;
+use crate::pickle::{Storages, interpret_with_tensors};
+use crate::{Error, Result, Value};
 
 const FORMAT: &str = "PyTorch file";
 const ZIP: &[u8] = b"PK\x03\x04";
@@ -28,7 +29,7 @@ const LEGACY: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19
 /// to rewrite a file of PyTorch before 1.6; [`Error::Malformed`] names the member or byte that goes wrong.
 pub fn read_torch(path: impl AsRef<Path>) -> Result<Value> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read_bytes(path)?;
     if bytes.starts_with(LEGACY) {
         return Err(Error::Mismatch {
             path: path.into(),
@@ -37,10 +38,14 @@ pub fn read_torch(path: impl AsRef<Path>) -> Result<Value> {
             remedy: "rewrite it in Python: torch.save(torch.load(\"OLD\", map_location=\"cpu\"), \"NEW\")".into(),
         });
     }
-    parse(&bytes).map_err(|fault| fault.in_file(path, FORMAT))
+    parse_torch(&bytes).map_err(|fault| fault.in_file(path, FORMAT))
 }
 
-fn parse(bytes: &[u8]) -> std::result::Result<Value, Fault> {
+/// What the bytes of a PyTorch archive hold.
+///
+/// # Errors
+/// As [`read_torch`], without the file's name.
+pub fn parse_torch(bytes: &[u8]) -> std::result::Result<Value, Fault> {
     if !bytes.starts_with(ZIP) {
         return Err(Fault::malformed("byte 0", "something else", "a zip archive, as torch.save writes it"));
     }
@@ -57,7 +62,8 @@ fn parse(bytes: &[u8]) -> std::result::Result<Value, Fault> {
             .collect(),
         big_endian: members.get(&format!("{folder}byteorder")).is_some_and(|order| *order == b"big"),
     };
-    parse_pickle_with_tensors(pickle, &storages, bytes.len()).map_err(|fault| fault.within("data.pkl"))
+    interpret_with_tensors(pickle, &storages, &Budget::of_file(bytes.len()))
+        .map_err(|fault| fault.within("data.pkl"))
 }
 
 /// The bytes of every member, where they lie in the file.

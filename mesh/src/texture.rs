@@ -38,7 +38,7 @@ pub(super) fn read_referenced_texture(
     name: &str,
 ) -> Result<RgbImage> {
     let path = referenced_file(referrer, format, place, name)?;
-    if !path.is_file() {
+    if !path.exists() {
         return Err(Error::Missing {
             what: "texture image".into(),
             remedy: format!("{} refers to it; put it there", referrer.display()),

@@ -86,8 +86,11 @@ impl Avatar {
         insert_parameters(&mut file, &self.fields);
         file.text = HashMap::from([
             ("version".into(), VERSION.to_string()),
-            ("config".into(), self.config.to_toml()),
-            ("subject".into(), serde_json::to_string(&self.subject).unwrap_or_default()),
+            ("config".into(), self.config.to_toml()?),
+            (
+                "subject".into(),
+                serde_json::to_string(&self.subject).map_err(|error| InputError::io(path)(error.into()))?,
+            ),
             ("steps".into(), self.steps.to_string()),
         ]);
         Ok(file.write(path)?)
@@ -99,7 +102,7 @@ impl Avatar {
     /// If the file is missing, broken, of another version, or its parameters do not fit its configuration.
     pub fn load(path: &Path) -> Result<Self> {
         let path: PathBuf = if path.is_dir() { path.join(Self::FILE) } else { path.into() };
-        if !path.is_file() {
+        if !path.exists() {
             return Err(Error::from(InputError::Missing {
                 path,
                 what: "avatar".into(),

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
 use xavatar::body::BodyParameters;
+use xavatar::formats::{read_bytes, read_text};
 
 use super::extract::MeshFormat;
 use super::inputs::load_body;
@@ -99,7 +100,7 @@ impl Animate {
         let avatar_file = if self.avatar.is_dir() { self.avatar.join(Avatar::FILE) } else { self.avatar.clone() };
         Source {
             avatar: std::path::absolute(&self.avatar)?,
-            avatar_checksum: checksum(&std::fs::read(&avatar_file)?),
+            avatar_checksum: checksum(&read_bytes(&avatar_file)?),
             motion: std::path::absolute(&self.motion)?,
             motion_checksum: checksum(format!("{:?}", clip.frames).as_bytes()),
             frames: total,
@@ -178,7 +179,7 @@ impl Source<'_> {
         if !resume {
             bail!("{}: the folder is not empty; give a new --out, or --resume to go on with it", folder.display());
         }
-        let text = std::fs::read_to_string(&note)
+        let text = read_text(&note)
             .with_context(|| format!("{}: no animation was begun in this folder; give a new --out", note.display()))?;
         let noted: serde_json::Value = serde_json::from_str(&text)
             .with_context(|| format!("{}: not readable; give a new --out", note.display()))?;

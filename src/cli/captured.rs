@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use xavatar::body::{BodyModel, PartLabels};
-use xavatar::config::Config;
+use xavatar::config::{Config, preset_for_rgbd};
 use xavatar::data::{RgbdFrames, RgbdSubject, Subject};
 use xavatar::train::TrainingFrames;
 
@@ -36,10 +36,9 @@ impl Kind {
 
     /// The variation of a preset for this kind of frames, by its name or the other kind's.
     pub fn preset(self, name: &str) -> &str {
-        match (self, name) {
-            (Self::Rgbd, "fast") => "fast-rgbd",
-            (Self::Rgbd, "demo") => "demo-rgbd",
-            _ => name,
+        match self {
+            Self::Rgbd => preset_for_rgbd(name),
+            Self::Scans => name,
         }
     }
 }

@@ -34,7 +34,7 @@ impl Convert {
         let (body, _) = load_body(&self.body, meta.gender)?;
         let avatar = Avatar::from_official(&self.checkpoint, &meta, &body)?;
         avatar.save(&self.out)?;
-        println!("{}", self.out.display());
+        outputs::print(&format!("{}\n", self.out.display()))?;
         Ok(Outcome::Done)
     }
 }

@@ -253,7 +253,7 @@ fn write_data(folder: &Path, size: &Size) -> anyhow::Result<Outcome> {
     write_npz(body.join("SMPLX_NEUTRAL.npz"), subject.model_arrays())?;
     write_pickle(body.join("neutral_vertex_labels.pkl"), &subject.part_labels().to_vertex_labels())?;
     let (data, body) = (folder.display(), body.display());
-    println!("{data}");
+    outputs::print(&format!("{data}\n"))?;
     log::info!(
         "try next\n  xavatar check {data} --body {body}\n  xavatar train {data} --body {body} --out runs/mannequin --minutes 5"
     );

@@ -11,6 +11,7 @@ use xavatar::body::{BodyModel, Gender, PartLabels};
 use xavatar::config::Config;
 use xavatar::data::{Clip, Motion, MotionOptions, read_motion};
 use xavatar::fields::FIELD_NAMES;
+use xavatar::formats::Shown;
 use xavatar::formats::{Array, ArrayMap, Value, read_npy, read_npz, read_pickle, read_pickle_arrays};
 use xavatar::mesh::{Colouring, Topology, read_mesh};
 
@@ -210,10 +211,12 @@ impl fmt::Display for AvatarDescription {
             writeln!(formatter, "skinning: {logits} logits at {nodes} nodes")?;
         }
         writeln!(formatter, "betas: {betas:?}\ncanonical box: {low} to {high} m")?;
-        writeln!(formatter, "configuration:\n{}", config.to_toml().trim_end())
+        writeln!(formatter, "configuration:\n{}", config.to_toml().map_err(|_| fmt::Error)?.trim_end())
     }
 }
 
 fn write_arrays(formatter: &mut fmt::Formatter<'_>, arrays: &Arrays) -> fmt::Result {
-    arrays.iter().try_for_each(|(name, array)| writeln!(formatter, "  {name:<24} {}", array.description))
+    arrays
+        .iter()
+        .try_for_each(|(name, array)| writeln!(formatter, "  {:<24} {}", Shown(name).to_string(), array.description))
 }

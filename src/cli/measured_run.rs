@@ -9,6 +9,7 @@ use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{BodyModel, PartLabels};
 use xavatar::config::Config;
 use xavatar::evaluate::{Evaluation, FrameMetrics};
+use xavatar::formats::read_text;
 use xavatar::train::{Ending, Trainer, TrainingFrames, seconds_per_step};
 
 use super::inputs::{Split, SubjectFrames};
@@ -134,7 +135,7 @@ impl Yardstick<'_> {
 
     /// The result of an earlier call, if it was measured on the same.
     fn measured_before(&self, file: &Path) -> Option<RunMetrics> {
-        let measured: Measured = serde_json::from_str(&std::fs::read_to_string(file).ok()?).ok()?;
+        let measured: Measured = serde_json::from_str(&read_text(file).ok()?).ok()?;
         (measured.split == self.split && measured.resolution == self.resolution).then_some(measured.metrics)
     }
 }

@@ -10,6 +10,7 @@ use anyhow::anyhow;
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use log::{Level, LevelFilter, Log, Metadata, Record};
 use serde::Serialize;
+use xavatar::formats::harmless;
 
 /// How lines are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -132,8 +133,10 @@ fn write_json(kind: &str, content: &impl Serialize) {
     }
 }
 
-/// The one place that writes to stderr: `super` denies it, so that `--quiet` and `--log-format` hold for all that is said.
+/// The one place that writes to stderr: `super` denies it, so that `--quiet` and `--log-format` hold for all that is said, and no
+/// file's control characters reach the terminal.
 #[allow(clippy::print_stderr)]
-fn write(line: &str) {
-    BARS.suspend(|| eprintln!("{line}"));
+fn write(text: &str) {
+    let text = harmless(text);
+    BARS.suspend(|| eprintln!("{text}"));
 }

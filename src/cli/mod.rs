@@ -2,8 +2,9 @@
 //!
 //! Results go to stdout, progress and errors to stderr (see `messages`). Exit codes: 0 done, 1 failed, 2 wrong usage, 3 stopped but resumable.
 
-// Everything said to the user goes through `log`'s macros, so that --quiet and --log-format hold for it.
-#![deny(clippy::print_stderr)]
+// What is said goes through `log`'s macros, so that --quiet and --log-format hold for it; results through `outputs::print`. Both
+// let nothing pass that steers a terminal, whatever file it came from.
+#![deny(clippy::print_stderr, clippy::print_stdout)]
 
 mod ablate;
 mod animate;

@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
 use xavatar::data::{Clip, Coordinates, HandConvention, MotionOptions, RestPose, Translation, UpAxis};
+use xavatar::formats::read_text;
 use xavatar::synthetic::load_clip;
 
 /// What the user declares about a motion, and what is to be made of it.
@@ -145,8 +146,8 @@ impl MotionArguments {
 }
 
 fn read_bone_map(path: &Path) -> anyhow::Result<BTreeMap<String, String>> {
-    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-    toml::from_str(&text).with_context(|| format!("{}: expected lines such as \"Hips\" = \"pelvis\"", path.display()))
+    toml::from_str(&read_text(path)?)
+        .with_context(|| format!("{}: expected lines such as \"Hips\" = \"pelvis\"", path.display()))
 }
 
 fn positive(text: &str) -> Result<f32, String> {

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use xavatar::formats::harmless;
 
 /// Makes the folder, which may be there but must be empty.
 pub fn new_folder(folder: &Path, remedy: &str) -> anyhow::Result<()> {
@@ -38,9 +39,10 @@ pub fn new_file(path: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// Prints a result that may be long; a reader that has seen enough, such as `head`, is no error.
+/// Prints a result, which may be long; a reader that has seen enough, such as `head`, is no error. Control characters are escaped:
+/// results name what is in files, and files are anybody's.
 pub fn print(text: &str) -> anyhow::Result<()> {
-    match std::io::stdout().write_all(text.as_bytes()) {
+    match std::io::stdout().write_all(harmless(text).as_bytes()) {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         written => written.context("stdout"),
     }

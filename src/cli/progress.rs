@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
+use xavatar::formats::Shown;
 use xavatar::train::{Event, Observer, Stage, StepRecord};
 
 use super::messages::{self, BARS, ProgressLine};
@@ -50,7 +51,7 @@ impl Progress {
         } else {
             let left = left.map_or_else(String::new, |left| format!("  ETA {}", HumanDuration(left)));
             self.bar.set_position((share * BAR as f64) as u64);
-            self.bar.set_message(format!("{message}{left}"));
+            self.bar.set_message(format!("{}{left}", Shown(message)));
         }
     }
 

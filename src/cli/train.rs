@@ -61,8 +61,9 @@ impl Train {
             log::info!("stopped; go on with\n  xavatar train {data} --body {body} --out {out} --resume");
             return Ok(Outcome::Stopped);
         }
-        println!("{}", self.out.join(Avatar::FILE).display());
-        log::info!("report: {}", self.write_report(&trainer.avatar(), &opened)?.display());
+        outputs::print(&format!("{}\n", self.out.join(Avatar::FILE).display()))?;
+        let report = self.write_report(&trainer.avatar(), &opened)?;
+        log::info!("report: {}", report.display());
         log::info!(
             "try next\n  xavatar eval {out} {data} --body {body} --split test --baseline smplx+d\n  \
              xavatar extract {out} --out canonical.ply\n  \
@@ -113,7 +114,7 @@ impl Train {
             bail!("{}: the run has the preset {}, not {preset}", self.out.display(), run.preset);
         }
         let asked = Config::preset_with(&run.preset, &self.training.settings()).map_err(WrongUsage)?;
-        let (settled, asked) = (run.to_toml().parse()?, asked.to_toml().parse()?);
+        let (settled, asked) = (run.to_toml()?.parse()?, asked.to_toml()?.parse()?);
         for (key, _) in self.training.settings() {
             let (found, wanted) = (value_of(&settled, &key), value_of(&asked, &key));
             if let Some((found, wanted)) = found.zip(wanted).filter(|(found, wanted)| found != wanted) {

@@ -1,10 +1,13 @@
 //! How long and with what to train: the options that `train` and `ablate` share.
 
+use clap::builder::PossibleValuesParser;
+use xavatar::config::preset_names;
+
 /// What a run is trained with.
 #[derive(clap::Args)]
 pub struct TrainingArguments {
-    /// Networks and constants to start from: fast, demo, paper-scan, paper-rgbd [default: fast]
-    #[arg(long, value_name = "P")]
+    /// Networks and constants to start from; for RGB-D frames `fast` is `fast-rgbd`, and so on [default: fast]
+    #[arg(long, value_name = "P", value_parser = PossibleValuesParser::new(preset_names()))]
     pub preset: Option<String>,
     /// Wall time of a whole run, preparation included, instead of a number of steps
     #[arg(long, value_name = "M", conflicts_with = "steps", value_parser = positive_minutes)]

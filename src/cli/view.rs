@@ -10,7 +10,7 @@ use xavatar::view::{Server, Site};
 
 use super::inputs::load_body;
 use super::motion::MotionArguments;
-use super::{Outcome, report};
+use super::{Outcome, outputs, report};
 
 /// Play with an avatar in the browser
 #[derive(clap::Args)]
@@ -72,7 +72,7 @@ impl View {
         if !address.ip().is_loopback() {
             log::warn!("everyone who reaches {address} can use this avatar; without --host only this machine does");
         }
-        println!("http://{address}/");
+        outputs::print(&format!("http://{address}/\n"))?;
         log::info!("open this page in a browser; Ctrl-C ends it");
         server.run(&site);
         Ok(Outcome::Done)

@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::{SamplingSettings, within};
+use crate::Result;
+
 /// Points drawn from each RGB-D frame; presets for scans have none of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -20,4 +23,13 @@ pub struct RgbdSettings {
     ///
     /// Not in the thesis: without them, what stage 0 left there drifts.
     pub unseen_points: usize,
+}
+
+impl RgbdSettings {
+    pub(super) fn check(&self, sampling: &SamplingSettings) -> Result<()> {
+        within("rgbd.eyes_mouth_share", self.eyes_mouth_share, sampling.face_share)?;
+        within("rgbd.hand_depth", self.hand_depth.into(), 1.0)?;
+        within("rgbd.free_points", self.free_points as f64, 1e7)?;
+        within("rgbd.unseen_points", self.unseen_points as f64, 1e7)
+    }
 }

@@ -115,7 +115,7 @@ impl Report<'_> {
             pictures,
             command: self.command.clone(),
             facts: self.all_facts(&training),
-            configuration: self.avatar.config.to_toml(),
+            configuration: self.avatar.config.to_toml()?,
         }
         .html()
     }

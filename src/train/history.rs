@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use xavatar_formats::read_text;
 
 use super::Stage;
 use super::metrics_log::METRICS;
@@ -36,7 +37,7 @@ pub fn has_notes(run: &Path) -> bool {
 /// [`Error::Io`] if the run has no metrics, [`Error::Malformed`] if they are not a trainer's.
 pub fn noted_steps(run: &Path) -> Result<Vec<NotedStep>> {
     let path = run.join(METRICS);
-    let text = std::fs::read_to_string(&path).map_err(InputError::io(&path))?;
+    let text = read_text(&path)?;
     let parse = |(number, line): (usize, &str)| {
         serde_json::from_str(line).map_err(|error| {
             Error::from(InputError::Malformed {

@@ -37,7 +37,7 @@ impl MetricsLog {
 
     /// Notes a step.
     pub fn write(&mut self, record: &StepRecord) -> Result<()> {
-        let line = serde_json::to_string(record).unwrap_or_default() + "\n";
+        let line = serde_json::to_string(record).map_err(|error| InputError::io(&self.lines.0)(error.into()))? + "\n";
         let event = scalars_record(now(), record.step, &scalars(record));
         for ((path, file), bytes) in [(&mut self.lines, line.as_bytes()), (&mut self.events, &event)] {
             file.write_all(bytes).map_err(InputError::io(path))?;

@@ -96,7 +96,8 @@ impl<'a> Trainer<'a> {
                 expected: "a new or empty folder; continue a run with --resume".into(),
             }));
         }
-        write_atomically(&run.join(CONFIG), |file| file.write_all(config.to_toml().as_bytes()))?;
+        let text = config.to_toml()?;
+        write_atomically(&run.join(CONFIG), |file| file.write_all(text.as_bytes()))?;
         Self::open(config, frames, body, labels, run, observer)
     }
 

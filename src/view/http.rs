@@ -1,11 +1,9 @@
-//! One request and one answer a connection, as much of HTTP/1.1 as a page and its script need.
+//! Requests out of bytes and answers to bytes, as much of HTTP/1.1 as a page and its script need.
 //!
 //! Heads are parsed by `httparse`. What a request may cost is bounded: the bytes of its head and of its body, the number of its
-//! fields, and the time until it is complete. Bodies need a length: chunks are refused.
+//! fields. Bodies need a length: chunks are refused. What could mean one thing here and another to a proxy is refused as well.
 
-use std::io::{self, Read, Write};
-use std::net::TcpStream;
-use std::time::{Duration, Instant};
+use std::sync::Arc;
 
 /// Largest head, bytes.
 const HEAD_LIMIT: usize = 16 << 10;
@@ -13,15 +11,8 @@ const HEAD_LIMIT: usize = 16 << 10;
 const FIELD_LIMIT: usize = 64;
 /// Largest body, bytes: parameters of one pose take about 5 KiB.
 const BODY_LIMIT: usize = 64 << 10;
-/// How long a request may take to arrive.
-const REQUEST_TIME: Duration = Duration::from_secs(5);
-/// How long an answer may take to be received.
-const ANSWER_TIME: Duration = Duration::from_secs(20);
-/// How long a read blocks before it is asked whether the server stops.
-const TICK: Duration = Duration::from_millis(200);
-/// Bytes that are read after a refusal, so that the client sees the answer and no reset connection.
-const LINGER_LIMIT: usize = 4 << 20;
-const LINGER_TIME: Duration = Duration::from_millis(500);
+/// How every answer begins, whatever it is.
+pub(super) const BEGIN: &str = "HTTP/1.1 ";
 
 /// A request that has arrived completely.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,21 +86,21 @@ pub struct Response {
     pub content_type: &'static str,
     /// Further header fields.
     pub fields: Vec<(&'static str, String)>,
-    /// The content.
-    pub body: Vec<u8>,
+    /// The content; one that many answers have is not copied for each.
+    pub body: Arc<[u8]>,
 }
 
 impl Response {
     /// A line of text, for errors.
     pub fn text(status: Status, text: impl std::fmt::Display) -> Self {
-        let body = format!("{text}\n").into_bytes();
+        let body = format!("{text}\n").into_bytes().into();
         Self { status, content_type: "text/plain; charset=utf-8", fields: Vec::new(), body }
     }
 
-    /// Sends the answer; with `with_body` false all but its body. Fails if the client takes longer than 20 seconds.
-    pub(super) fn send(&self, connection: &TcpStream, with_body: bool) -> io::Result<()> {
+    /// The answer's first lines, up to the empty one.
+    pub(super) fn head(&self) -> Vec<u8> {
         let mut head = format!(
-            "HTTP/1.1 {} {}\r\nContent-Type: {}\r\nContent-Length: {}\r\nConnection: close\r\nCache-Control: no-store\r\n\
+            "{BEGIN}{} {}\r\nContent-Type: {}\r\nContent-Length: {}\r\nConnection: close\r\nCache-Control: no-store\r\n\
              X-Content-Type-Options: nosniff\r\nCross-Origin-Resource-Policy: same-origin\r\n",
             self.status as u16,
             self.status.reason(),
@@ -120,47 +111,33 @@ impl Response {
             head += &format!("{name}: {value}\r\n");
         }
         head += "\r\n";
-        let deadline = Instant::now() + ANSWER_TIME;
-        write_all(connection, head.as_bytes(), deadline)?;
-        if with_body {
-            write_all(connection, &self.body, deadline)?;
-        }
-        Ok(())
+        head.into_bytes()
     }
 }
 
-/// Why a request was not understood, or that there is nobody to be answered.
-pub(super) enum Refusal {
-    Answer(Response),
-    Gone,
-}
+/// Why a request was not understood.
+type Refusal = (Status, &'static str);
 
-impl From<(Status, &'static str)> for Refusal {
-    fn from((status, text): (Status, &'static str)) -> Self {
-        Self::Answer(Response::text(status, text))
+impl Request {
+    /// The request that `bytes` begin with; none if more have to come.
+    ///
+    /// # Errors
+    /// The answer to what is no request, or too large a one.
+    pub(super) fn parse(bytes: &[u8]) -> Result<Option<Self>, Response> {
+        Self::parsed(bytes).map_err(|(status, text)| Response::text(status, text))
     }
-}
 
-/// Reads the request of a connection, unless `is_stopped` becomes true.
-pub(super) fn read_request(connection: &TcpStream, is_stopped: &dyn Fn() -> bool) -> Result<Request, Refusal> {
-    let deadline = Instant::now() + REQUEST_TIME;
-    let mut bytes = Vec::new();
-    let (mut request, length, head) = loop {
-        if let Some(parsed) = parse_head(&bytes)? {
-            break parsed;
-        }
-        if bytes.len() >= HEAD_LIMIT {
-            return Err((Status::RequestHeaderFieldsTooLarge, "the request's head is too large").into());
-        }
-        let room = HEAD_LIMIT - bytes.len();
-        read_some(connection, &mut bytes, room, deadline, is_stopped)?;
-    };
-    while bytes.len() < head + length {
-        let room = head + length - bytes.len();
-        read_some(connection, &mut bytes, room, deadline, is_stopped)?;
+    fn parsed(bytes: &[u8]) -> Result<Option<Self>, Refusal> {
+        let Some((mut request, length, head)) = parse_head(&bytes[..bytes.len().min(HEAD_LIMIT)])? else {
+            return match bytes.len() < HEAD_LIMIT {
+                true => Ok(None),
+                false => Err((Status::RequestHeaderFieldsTooLarge, "the request's head is too large")),
+            };
+        };
+        let Some(body) = bytes.get(head..head + length) else { return Ok(None) };
+        request.body = body.to_vec();
+        Ok(Some(request))
     }
-    request.body = bytes[head..head + length].to_vec();
-    Ok(request)
 }
 
 /// The request without its body, the body's length and the head's; none if the head is not complete.
@@ -171,20 +148,25 @@ fn parse_head(bytes: &[u8]) -> Result<Option<(Request, usize, usize)>, Refusal> 
         Ok(httparse::Status::Complete(length)) => length,
         Ok(httparse::Status::Partial) => return Ok(None),
         Err(httparse::Error::TooManyHeaders) => {
-            return Err((Status::RequestHeaderFieldsTooLarge, "the request has too many header fields").into());
+            return Err((Status::RequestHeaderFieldsTooLarge, "the request has too many header fields"));
         }
-        Err(_) => return Err((Status::BadRequest, "this is not an HTTP/1.1 request").into()),
+        Err(_) => return Err((Status::BadRequest, "this is not an HTTP/1.1 request")),
     };
     let mut named = Vec::new();
     for field in head.headers.iter() {
         let Ok(value) = std::str::from_utf8(field.value) else {
-            return Err((Status::BadRequest, "a header field is not text").into());
+            return Err((Status::BadRequest, "a header field is not text"));
         };
-        named.push((field.name.to_ascii_lowercase(), value.trim().to_owned()));
+        let name = field.name.to_ascii_lowercase();
+        // Which of two is meant decides who is asked, and by whom.
+        if matches!(name.as_str(), "host" | "origin") && named.iter().any(|(other, _)| *other == name) {
+            return Err((Status::BadRequest, "the request has two Host or two Origin fields"));
+        }
+        named.push((name, value.trim().to_owned()));
     }
     let target = head.path.unwrap_or_default();
     if !target.starts_with('/') {
-        return Err((Status::BadRequest, "the request's target is not a path").into());
+        return Err((Status::BadRequest, "the request's target is not a path"));
     }
     let path = target.split('?').next().unwrap_or_default().to_owned();
     let request = Request { method: head.method.unwrap_or_default().into(), path, fields: named, body: Vec::new() };
@@ -194,95 +176,61 @@ fn parse_head(bytes: &[u8]) -> Result<Option<(Request, usize, usize)>, Refusal> 
 
 fn body_length(request: &Request) -> Result<usize, Refusal> {
     if request.field("transfer-encoding").is_some() {
-        return Err((Status::LengthRequired, "send the body's length, not chunks").into());
+        return Err((Status::LengthRequired, "send the body's length, not chunks"));
     }
     if request.field("expect").is_some() {
-        return Err((Status::ExpectationFailed, "send the body at once").into());
+        return Err((Status::ExpectationFailed, "send the body at once"));
     }
     let mut lengths = request.fields.iter().filter(|(name, _)| name == "content-length").map(|(_, value)| value);
     let Some(length) = lengths.next() else {
         return match request.method.as_str() {
-            "POST" | "PUT" | "PATCH" => Err((Status::LengthRequired, "the request has no Content-Length").into()),
+            "POST" | "PUT" | "PATCH" => Err((Status::LengthRequired, "the request has no Content-Length")),
             _ => Ok(0),
         };
     };
     // Two lengths, or a sign, are how requests are smuggled past a proxy.
     if lengths.next().is_some() || length.is_empty() || !length.bytes().all(|byte| byte.is_ascii_digit()) {
-        return Err((Status::BadRequest, "the Content-Length is not one number").into());
+        return Err((Status::BadRequest, "the Content-Length is not one number"));
     }
     match length.parse::<usize>() {
         Ok(length) if length <= BODY_LIMIT => Ok(length),
-        _ => Err((Status::ContentTooLarge, "the request's body is too large").into()),
+        _ => Err((Status::ContentTooLarge, "the request's body is too large")),
     }
 }
 
-/// Reads at least one byte and at most `room`.
-fn read_some(
-    mut connection: &TcpStream,
-    bytes: &mut Vec<u8>,
-    room: usize,
-    deadline: Instant,
-    is_stopped: &dyn Fn() -> bool,
-) -> Result<(), Refusal> {
-    let mut buffer = [0; 4096];
-    let room = room.min(buffer.len());
-    loop {
-        let left = deadline.saturating_duration_since(Instant::now());
-        if left.is_zero() {
-            return Err((Status::RequestTimeout, "the request did not arrive in time").into());
-        }
-        if is_stopped() || connection.set_read_timeout(Some(left.min(TICK))).is_err() {
-            return Err(Refusal::Gone);
-        }
-        match connection.read(&mut buffer[..room]) {
-            Ok(0) if bytes.is_empty() => return Err(Refusal::Gone),
-            Ok(0) => return Err((Status::BadRequest, "the request ends before it is complete").into()),
-            Ok(count) => {
-                bytes.extend_from_slice(&buffer[..count]);
-                return Ok(());
-            }
-            Err(error) if is_wait(&error) => {}
-            Err(_) => return Err(Refusal::Gone),
-        }
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-fn write_all(mut connection: &TcpStream, mut bytes: &[u8], deadline: Instant) -> io::Result<()> {
-    while !bytes.is_empty() {
-        let left = deadline.saturating_duration_since(Instant::now());
-        if left.is_zero() {
-            return Err(io::ErrorKind::TimedOut.into());
-        }
-        connection.set_write_timeout(Some(left))?;
-        match connection.write(bytes) {
-            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
-            Ok(count) => bytes = &bytes[count..],
-            Err(error) if is_wait(&error) => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(())
-}
+    const POST: &[u8] = b"POST /mesh?x=1 HTTP/1.1\r\nHost: localhost\r\nContent-Length: 3\r\n\r\nabc and more";
 
-/// Ends a connection whose request was not read to its end: closing at once would take the answer away again.
-pub(super) fn linger(mut connection: &TcpStream) {
-    let deadline = Instant::now() + LINGER_TIME;
-    let (mut buffer, mut read) = ([0; 4096], 0);
-    if connection.shutdown(std::net::Shutdown::Write).is_err() {
-        return;
-    }
-    while read < LINGER_LIMIT {
-        let left = deadline.saturating_duration_since(Instant::now());
-        if left.is_zero() || connection.set_read_timeout(Some(left)).is_err() {
-            return;
+    #[test]
+    fn a_request_is_complete_when_its_body_is() {
+        let end = POST.len() - " and more".len();
+        for length in 0..end {
+            assert_eq!(Request::parse(&POST[..length]).unwrap(), None, "{length}");
         }
-        match connection.read(&mut buffer) {
-            Ok(0) | Err(_) => return,
-            Ok(count) => read += count,
-        }
+        let request = Request::parse(POST).unwrap().unwrap();
+        assert_eq!(
+            (request.method.as_str(), request.path.as_str(), request.body.as_slice()),
+            ("POST", "/mesh", &b"abc"[..])
+        );
+        assert_eq!(request.field("host"), Some("localhost"));
     }
-}
 
-fn is_wait(error: &io::Error) -> bool {
-    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
+    #[test]
+    fn a_second_host_or_origin_is_refused() {
+        for field in ["Host", "HOST", "Origin"] {
+            let request =
+                format!("GET / HTTP/1.1\r\nHost: localhost\r\nOrigin: http://localhost\r\n{field}: x\r\n\r\n");
+            assert_eq!(Request::parse(request.as_bytes()).unwrap_err().status, Status::BadRequest, "{field}");
+        }
+        assert!(Request::parse(b"GET / HTTP/1.1\r\nAccept: a\r\nAccept: b\r\n\r\n").unwrap().is_some());
+    }
+
+    #[test]
+    fn heads_without_end_are_refused() {
+        let head = [&b"GET / HTTP/1.1\r\nLong: "[..], &[b'x'; HEAD_LIMIT]].concat();
+        assert_eq!(Request::parse(&head).unwrap_err().status, Status::RequestHeaderFieldsTooLarge);
+    }
 }

@@ -2,14 +2,17 @@
 //!
 //! `GET /` is the page, `POST /mesh` takes SMPL-X parameters as JSON and answers with the surface that
 //! [`Animator::extract`](crate::avatar::Animator::extract) finds for them (docs/report.md). Whatever a client sends, it gets an
-//! answer, most often a 4xx, within seconds; clients do not wait for each other except for the processor.
+//! answer, most often a 4xx, within seconds. Clients wait for each other only for poses, of which one is computed at a time: for each
+//! client that is still there its latest.
 
+mod connection;
 mod http;
 mod mesh_message;
 mod origin;
 mod pose_request;
 mod server;
 mod site;
+mod waiting;
 
 pub use http::{Request, Response, Status};
 pub use mesh_message::decode_mesh;

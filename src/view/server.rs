@@ -1,28 +1,43 @@
-//! Connections to answers: a bounded number of threads, each with one connection at a time, so that slow clients hold up nobody.
+//! Connections to answers. One thread accepts connections, one asks all of them what is new and gives the quick answers, one
+//! makes the answers that take long: a client that is slow, silent or gone holds up nobody.
+//!
+//! Bounded: the connections at a time (the oldest that has not asked yet gives way to a new one), what each may send and take of
+//! memory and time (`http`, `connection`), the long answers that are waited for (`waiting`).
 
-use std::io;
+use std::collections::BTreeMap;
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use super::http::{Refusal, Request, Response, Status, linger, read_request};
+use super::connection::{Connection, Step};
+use super::http::{Request, Response, Status};
 use super::origin::Names;
+use super::waiting::{Displaced, Waiting};
 use crate::{Error, InputError, Result};
 
-/// Connections that are served at a time; each costs a thread that mostly waits.
-const WORKERS: usize = 32;
-/// Connections that wait for a thread; more are told that the server is busy.
-const QUEUE: usize = 32;
+/// Connections at a time.
+const MOST_CONNECTIONS: usize = 256;
+/// Connections that are accepted while the others are being asked.
+const ACCEPTED_AHEAD: usize = 64;
 /// Between attempts when the system gives no more connections.
 const BACK_OFF: Duration = Duration::from_millis(50);
+/// Between rounds of asking: after one in which something moved, and at most.
+const PAUSES: (Duration, Duration) = (Duration::from_millis(1), Duration::from_millis(10));
 
-/// Makes answers of requests, on several threads at a time.
+/// Makes answers of requests.
 pub trait Answer: Sync {
     /// The answer to a request of our own page, or of a program.
     fn answer(&self, request: &Request) -> Response;
+
+    /// Whether the answer takes long. Such answers are made one at a time, those of one client only for its latest request, and
+    /// none for clients that are gone.
+    fn takes_long(&self, _request: &Request) -> bool {
+        false
+    }
 }
 
 /// A server that listens, and serves once it is run.
@@ -41,7 +56,7 @@ pub struct Stop {
 }
 
 impl Stop {
-    /// Takes no more connections; those being answered are finished.
+    /// Takes no more connections; answers under way are finished.
     pub fn stop(&self) {
         self.stopped.store(true, Ordering::SeqCst);
         // The server waits for a connection: this is one. If it fails there is nobody waiting.
@@ -86,56 +101,189 @@ impl Server {
 
     /// Serves until it is stopped.
     pub fn run(&self, answers: &dyn Answer) {
-        let (queue, waiting) = sync_channel::<TcpStream>(QUEUE);
-        let waiting = Mutex::new(waiting);
+        let (events, heard) = sync_channel(ACCEPTED_AHEAD);
+        let (orders, to_make) = sync_channel::<(Token, Request)>(1);
         thread::scope(|scope| {
-            for _ in 0..WORKERS {
-                scope.spawn(|| self.work(&waiting, answers));
-            }
-            for connection in self.listener.incoming() {
-                if self.is_stopped() {
-                    break;
-                }
-                match connection {
-                    Ok(connection) => {
-                        if let Err(TrySendError::Full(connection)) = queue.try_send(connection) {
-                            let busy = Response::text(Status::ServiceUnavailable, "busy: try again in a moment");
-                            let _ = busy.send(&connection, true);
-                        }
+            let made = events.clone();
+            scope.spawn(move || {
+                for (token, request) in to_make {
+                    if made.send(Event::Answered(token, answer(answers, &request))).is_err() {
+                        return;
                     }
-                    Err(_) => thread::sleep(BACK_OFF),
                 }
+            });
+            scope.spawn(move || self.accept(&events));
+            Service {
+                answers,
+                names: &self.names,
+                connections: BTreeMap::new(),
+                next_token: 0,
+                waiting: Waiting::new(),
+                under_way: None,
+                orders,
+                is_stopping: false,
             }
-            drop(queue);
+            .run(&heard);
         });
     }
 
-    fn is_stopped(&self) -> bool {
-        self.stopped.load(Ordering::SeqCst)
+    fn accept(&self, events: &SyncSender<Event>) {
+        for connection in self.listener.incoming() {
+            if self.stopped.load(Ordering::SeqCst) {
+                break;
+            }
+            match connection {
+                Ok(connection) => {
+                    if events.send(Event::Connected(connection)).is_err() {
+                        return;
+                    }
+                }
+                Err(_) => thread::sleep(BACK_OFF),
+            }
+        }
+        // If nobody hears it, the service is over already.
+        let _ = events.send(Event::Stopped);
     }
+}
 
-    fn work(&self, waiting: &Mutex<Receiver<TcpStream>>, answers: &dyn Answer) {
-        loop {
-            let next = waiting.lock().unwrap_or_else(PoisonError::into_inner).recv();
-            let Ok(connection) = next else { return };
-            // A client that is gone is no error of the server's.
-            let _ = self.serve(&connection, answers);
+/// The answer; one that fails in an unforeseen way is no end of the server.
+fn answer(answers: &dyn Answer, request: &Request) -> Response {
+    catch_unwind(AssertUnwindSafe(|| answers.answer(request)))
+        .unwrap_or_else(|_| Response::text(Status::InternalServerError, "the answer could not be made"))
+}
+
+/// Names a connection; later ones are larger.
+type Token = u64;
+
+enum Event {
+    Connected(TcpStream),
+    /// A long answer is made.
+    Answered(Token, Response),
+    Stopped,
+}
+
+/// What the asking thread knows.
+struct Service<'a> {
+    answers: &'a dyn Answer,
+    names: &'a Names,
+    connections: BTreeMap<Token, Connection>,
+    next_token: Token,
+    waiting: Waiting<Token>,
+    /// Whose long answer is being made.
+    under_way: Option<Token>,
+    orders: SyncSender<(Token, Request)>,
+    is_stopping: bool,
+}
+
+impl Service<'_> {
+    fn run(mut self, heard: &Receiver<Event>) {
+        let mut pause = PAUSES.0;
+        while !(self.is_stopping && self.connections.is_empty() && self.under_way.is_none()) {
+            let idle = self.connections.is_empty();
+            let event = if idle { heard.recv().ok() } else { heard.recv_timeout(pause).ok() };
+            let mut is_moving = event.is_some();
+            for event in event.into_iter().chain(heard.try_iter().take(ACCEPTED_AHEAD)) {
+                self.hear(event);
+            }
+            is_moving |= self.ask_all();
+            self.order();
+            pause = if is_moving { PAUSES.0 } else { (2 * pause).min(PAUSES.1) };
         }
     }
 
-    fn serve(&self, connection: &TcpStream, answers: &dyn Answer) -> io::Result<()> {
-        // Answers are written in two pieces at most: waiting to fill packets would only delay them.
-        connection.set_nodelay(true)?;
-        let request = match read_request(connection, &|| self.is_stopped()) {
-            Ok(request) => request,
-            Err(Refusal::Gone) => return Ok(()),
-            Err(Refusal::Answer(response)) => {
-                response.send(connection, true)?;
-                linger(connection);
-                return Ok(());
+    fn hear(&mut self, event: Event) {
+        match event {
+            Event::Connected(stream) => self.welcome(stream),
+            Event::Answered(token, response) => {
+                self.under_way = None;
+                self.respond(token, &response, true);
             }
-        };
-        let response = self.names.check(&request).map_or_else(|refused| refused, |()| answers.answer(&request));
-        response.send(connection, request.method != "HEAD")
+            Event::Stopped => {
+                self.is_stopping = true;
+                self.connections.retain(|_, connection| !connection.is_receiving());
+                while let Some((token, _)) = self.waiting.take() {
+                    self.respond(token, &Response::text(Status::ServiceUnavailable, "the server was ended"), true);
+                }
+            }
+        }
+    }
+
+    fn welcome(&mut self, stream: TcpStream) {
+        // A client that is gone already is no error of the server's.
+        let Ok(connection) = Connection::new(stream, Instant::now()) else { return };
+        let token = self.next_token;
+        self.next_token += 1;
+        self.connections.insert(token, connection);
+        if self.connections.len() > MOST_CONNECTIONS {
+            let silent = self.connections.iter().find(|(_, connection)| connection.is_receiving());
+            let gives_way = silent.map_or(token, |(silent, _)| *silent);
+            self.respond(gives_way, &Response::text(Status::ServiceUnavailable, "busy: try again in a moment"), true);
+            // Head and body, as far as the system takes them at once.
+            if let Some(mut connection) = self.connections.remove(&gives_way) {
+                (0..2).for_each(|_| drop(connection.step(Instant::now())));
+            }
+        }
+    }
+
+    /// Lets every connection go on; whether any did.
+    fn ask_all(&mut self) -> bool {
+        let now = Instant::now();
+        let mut is_moving = false;
+        let mut asked = Vec::new();
+        self.connections.retain(|token, connection| match connection.step(now) {
+            Step::Still => true,
+            Step::Moved => {
+                is_moving = true;
+                true
+            }
+            Step::Asks(request) => {
+                asked.push((*token, request));
+                true
+            }
+            Step::Over => {
+                self.waiting.remove(*token);
+                false
+            }
+        });
+        is_moving |= !asked.is_empty();
+        for (token, request) in asked {
+            self.take_in(token, request);
+        }
+        is_moving
+    }
+
+    fn take_in(&mut self, token: Token, request: Request) {
+        let with_body = request.method != "HEAD";
+        if let Err(refused) = self.names.check(&request) {
+            return self.respond(token, &refused, with_body);
+        }
+        if !self.answers.takes_long(&request) {
+            return self.respond(token, &answer(self.answers, &request), with_body);
+        }
+        if let Some((displaced, why)) = self.waiting.put(token, request) {
+            let text = match why {
+                Displaced::ByNewer => "a newer request of this client took its place",
+                Displaced::ByOthers => "busy: try again in a moment",
+            };
+            self.respond(displaced, &Response::text(Status::ServiceUnavailable, text), true);
+        }
+    }
+
+    /// Has the next long answer made, if none is under way.
+    fn order(&mut self) {
+        while self.under_way.is_none() {
+            let Some((token, request)) = self.waiting.take() else { return };
+            if self.connections.get_mut(&token).is_none_or(Connection::is_gone) {
+                self.connections.remove(&token);
+            } else if self.orders.send((token, request)).is_ok() {
+                self.under_way = Some(token);
+            }
+        }
+    }
+
+    fn respond(&mut self, token: Token, response: &Response, with_body: bool) {
+        if let Some(connection) = self.connections.get_mut(&token) {
+            connection.answer(response, with_body, Instant::now());
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! The page, and the meshes it asks for.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::http::{Request, Response, Status};
@@ -18,10 +18,10 @@ const MESH: &str = "/mesh";
 
 /// What one `xavatar view` serves.
 pub struct Site<'a> {
-    page: String,
+    page: Arc<[u8]>,
     policy: String,
-    /// Extractions use all threads: one at a time. None without a body model.
-    animator: Option<Mutex<&'a Animator<'a>>>,
+    /// None without a body model.
+    animator: Option<&'a Animator<'a>>,
 }
 
 impl<'a> Site<'a> {
@@ -31,7 +31,7 @@ impl<'a> Site<'a> {
     /// [`Error::Value`] for a rig that the page cannot draw.
     pub fn new(title: String, lead: String, rig: &RiggedMesh, animator: Option<&'a Animator<'a>>) -> Result<Self> {
         let (page, policy) = live_page(title, lead, rig, animator.map(|_| MESH))?;
-        Ok(Self { page, policy, animator: animator.map(Mutex::new) })
+        Ok(Self { page: page.into_bytes().into(), policy, animator })
     }
 
     fn page(&self) -> Response {
@@ -40,31 +40,37 @@ impl<'a> Site<'a> {
             status: Status::Ok,
             content_type: "text/html; charset=utf-8",
             fields: vec![policy],
-            body: self.page.clone().into_bytes(),
+            body: self.page.clone(),
         }
     }
 
-    fn mesh(&self, request: &Request) -> Response {
-        let Some(animator) = &self.animator else {
-            return Response::text(Status::NotFound, "no body model to pose with: start `xavatar view` with --body");
+    /// What poses the asked-for pose, or why it is not posed.
+    fn pose(&self, request: &Request) -> std::result::Result<(&'a Animator<'a>, PoseRequest), Response> {
+        let refuse = |status, text: &str| Err(Response::text(status, text));
+        let Some(animator) = self.animator else {
+            return refuse(Status::NotFound, "no body model to pose with: start `xavatar view` with --body");
         };
         // A foreign page cannot send this type without asking first, which is never granted.
         let content_type = request.field("content-type").unwrap_or_default();
         if !content_type.split(';').next().unwrap_or_default().trim().eq_ignore_ascii_case("application/json") {
-            return Response::text(Status::UnsupportedMediaType, "expected Content-Type: application/json");
+            return refuse(Status::UnsupportedMediaType, "expected Content-Type: application/json");
         }
-        let pose = match PoseRequest::parse(&request.body) {
-            Ok(pose) => pose,
-            Err(error) => return Response::text(Status::UnprocessableContent, error),
+        let pose = PoseRequest::parse(&request.body);
+        pose.map(|pose| (animator, pose)).map_err(|error| Response::text(Status::UnprocessableContent, error))
+    }
+
+    fn mesh(&self, request: &Request) -> Response {
+        let (animator, pose) = match self.pose(request) {
+            Ok(posable) => posable,
+            Err(refused) => return refused,
         };
-        let animator = animator.lock().unwrap_or_else(PoisonError::into_inner);
         let begin = Instant::now();
         match animator.extract(&pose.body_parameters(), pose.resolution) {
             Ok(extraction) => Response {
                 status: Status::Ok,
                 content_type: "application/octet-stream",
                 fields: Vec::new(),
-                body: encode_mesh(&extraction.mesh, pose.resolution, begin.elapsed().as_secs_f32()),
+                body: encode_mesh(&extraction.mesh, pose.resolution, begin.elapsed().as_secs_f32()).into(),
             },
             Err(error @ Error::NoSurface { .. }) => Response::text(Status::UnprocessableContent, error),
             Err(error) => Response::text(Status::InternalServerError, error),
@@ -81,6 +87,11 @@ impl Answer for Site<'_> {
             (MESH, _) => not_allowed("POST"),
             _ => Response::text(Status::NotFound, "nothing is here"),
         }
+    }
+
+    /// Poses do: an extraction uses all threads.
+    fn takes_long(&self, request: &Request) -> bool {
+        request.path == MESH && request.method == "POST" && self.pose(request).is_ok()
     }
 }
 

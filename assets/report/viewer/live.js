@@ -52,6 +52,8 @@ class Live {
   constructor(viewer, { endpoint }) {
     this.viewer = viewer;
     this.endpoint = endpoint;
+    // Of the poses of one page the server computes the latest.
+    this.client = Math.random().toString(36).slice(2);
     this.quick = 96;
     this.version = 0;
     this.isBusy = false;
@@ -83,7 +85,7 @@ class Live {
     try {
       const reply = await fetch(this.endpoint, {
         method: "POST",
-        headers: { "content-type": "application/json" },
+        headers: { "content-type": "application/json", "x-client": this.client },
         body: JSON.stringify({ parameters: bodyParameters(this.pose, this.viewer.avatar.rootPlace()), resolution }),
       });
       if (!reply.ok) throw new Error((await reply.text()) || reply.statusText);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::{Motion, Wanted, amass, bvh, grab, named, own};
 use crate::xhumans::{motion_files, parameters_of};
 use xavatar_body::BodyParameters;
-use xavatar_formats::{ArrayMap, Error, Result, excerpt, read_npz, read_pickle_arrays};
+use xavatar_formats::{ArrayMap, Error, Result, excerpt, open_file, read_npz, read_pickle_arrays};
 
 /// Bytes that tell what a file is.
 const START: u64 = 256;
@@ -36,7 +36,7 @@ pub(super) fn read(path: &Path, wanted: &Wanted) -> Result<Motion> {
     if path.is_dir() {
         return read_folder(path, wanted);
     }
-    if !path.is_file() {
+    if !path.exists() {
         return Err(Error::Missing {
             path: path.into(),
             what: "a motion".into(),
@@ -73,8 +73,7 @@ fn unrecognised(path: &Path, tried: Vec<String>) -> Error {
 
 fn start_of(path: &Path) -> Result<Vec<u8>> {
     let mut start = Vec::new();
-    let file = std::fs::File::open(path).map_err(Error::io(path))?;
-    file.take(START).read_to_end(&mut start).map_err(Error::io(path))?;
+    open_file(path)?.take(START).read_to_end(&mut start).map_err(Error::io(path))?;
     Ok(start)
 }
 

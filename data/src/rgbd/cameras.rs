@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use glam::{Mat3, Mat4, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
-use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result, read_npz};
+use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result, read_npz, read_text};
 use xavatar_mesh::camera::PinholeCamera;
 
 const FORMAT: &str = "camera file";
@@ -59,7 +59,7 @@ impl CameraTable {
     /// # Errors
     /// [`Error::Missing`], [`Error::Malformed`] or [`Error::Refused`], naming the file and the array.
     pub fn read(path: &Path, origin: PixelOrigin, intrinsics: Option<Intrinsics>) -> Result<Self> {
-        if !path.is_file() {
+        if !path.exists() {
             return Err(Error::Missing {
                 path: path.into(),
                 what: "the cameras of the sequence".into(),
@@ -111,12 +111,11 @@ impl CameraTable {
 
 /// The arrays of an npz, or of the nested lists of numbers in a JSON or TOML table.
 fn read_arrays(path: &Path) -> Result<ArrayMap> {
-    let text = || std::fs::read_to_string(path).map_err(Error::io(path));
     let wrong = |error: &dyn std::fmt::Display| malformed(path, "the text", error, "a table of matrices");
     let table: serde_json::Map<String, serde_json::Value> =
         match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
-            Some("json") => serde_json::from_str(&text()?).map_err(|error| wrong(&error))?,
-            Some("toml") => toml::from_str(&text()?).map_err(|error| wrong(&error.message()))?,
+            Some("json") => serde_json::from_str(&read_text(path)?).map_err(|error| wrong(&error))?,
+            Some("toml") => toml::from_str(&read_text(path)?).map_err(|error| wrong(&error.message()))?,
             _ => return read_npz(path),
         };
     let numbers = |(key, value): (String, serde_json::Value)| {

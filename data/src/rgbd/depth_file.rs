@@ -13,7 +13,7 @@ use exr::prelude::{ReadChannels, ReadLayers};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 
-use xavatar_formats::{Error, Fault, Result};
+use xavatar_formats::{Fault, Result, read_bytes};
 use xavatar_mesh::camera::LARGEST_SIDE;
 
 const FORMAT: &str = "depth picture";
@@ -40,17 +40,17 @@ pub struct DepthPicture {
 /// Reads a depth picture.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Malformed`] if the file is truncated or damaged, in no known format, larger than
+/// [`Error::Io`](xavatar_formats::Error::Io); [`Error::Malformed`](xavatar_formats::Error::Malformed) if the file is truncated or damaged, in no known format, larger than
 /// [`LARGEST_SIDE`] a side, or has no channel that is depth (8-bit pictures are previews, not depth).
 pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthPicture> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    parse(&bytes).map_err(|fault| fault.in_file(path, FORMAT))
+    parse_depth(&read_bytes(path)?).map_err(|fault| fault.in_file(path, FORMAT))
 }
 
 type Parsed<T> = std::result::Result<T, Fault>;
 
-fn parse(bytes: &[u8]) -> Parsed<DepthPicture> {
+/// The depth picture of a file's bytes.
+pub(super) fn parse_depth(bytes: &[u8]) -> Parsed<DepthPicture> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => parse_png(bytes),
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => parse_tiff(bytes),

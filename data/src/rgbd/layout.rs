@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cameras::PixelOrigin;
 use xavatar_body::Gender;
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Error, Result, read_text};
 
 const FORMAT: &str = "RGB-D layout";
 
@@ -117,7 +117,7 @@ impl Layout {
     /// [`Error::Io`]; [`Error::Malformed`] naming the line or the setting.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join(Self::FILE);
-        let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
+        let text = read_text(&path)?;
         let layout: Self = toml::from_str(&text).map_err(|error| {
             let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
             malformed(&path, format!("line {line}"), error.message(), "what docs/rgbd.md describes")

@@ -257,7 +257,7 @@ fn classified(metres: f32) -> f32 {
 }
 
 fn must_exist(path: &Path, what: &str) -> Result<()> {
-    if path.is_file() {
+    if path.exists() {
         return Ok(());
     }
     Err(Error::Missing {

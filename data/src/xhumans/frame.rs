@@ -119,7 +119,7 @@ fn read_atlas(path: &Path) -> Result<RgbImage> {
 }
 
 fn must_exist(path: &Path, what: &str) -> Result<()> {
-    if path.is_file() {
+    if path.exists() {
         return Ok(());
     }
     Err(Error::Missing {

@@ -23,7 +23,7 @@ pub(super) use write::{create_folder, write_common, write_parameters};
 
 use super::{FrameFiles, FrameId};
 use xavatar_body::Gender;
-use xavatar_formats::{Error, Result, read_npy};
+use xavatar_formats::{Error, Result, read_npy, read_text};
 
 const SHAPE_FILE: &str = "mean_shape_smplx.npy";
 const GENDER_FILE: &str = "gender.txt";
@@ -94,10 +94,10 @@ impl Common {
             ));
         }
         let gender_path = folder.join(GENDER_FILE);
-        if !gender_path.is_file() {
+        if !gender_path.exists() {
             return Err(missing(gender_path, "the subject's gender", "write neutral, male or female into it"));
         }
-        let text = std::fs::read_to_string(&gender_path).map_err(Error::io(&gender_path))?;
+        let text = read_text(&gender_path)?;
         let gender = text.parse().map_err(|_| Error::Mismatch {
             path: gender_path,
             found: xavatar_formats::excerpt(text.trim()),
@@ -109,7 +109,7 @@ impl Common {
 }
 
 pub(super) fn mean_shape(path: &Path) -> Result<[f32; 10]> {
-    if !path.is_file() {
+    if !path.exists() {
         return Err(Error::Missing {
             path: path.into(),
             what: "the subject's mean shape".into(),

@@ -38,9 +38,10 @@ impl<'a> Machine<'a> {
             ("_codecs.encode", &[text, encoding]) => self.encode(text, encoding),
             ("__builtin__.bytearray" | "builtins.bytearray", &[text, encoding]) => self.encode(text, encoding),
             ("__builtin__.bytearray" | "builtins.bytearray", &[data]) => {
-                let bytes = self.bytes(data)?.to_vec();
-                self.budget.spend(bytes.len(), "bytes")?;
-                Ok(Node::Bytes(Cow::Owned(bytes)))
+                let bytes = self.bytes(data)?;
+                let mut copied = self.budget.vector(bytes.len(), "bytes")?;
+                copied.extend_from_slice(bytes);
+                Ok(Node::Bytes(Cow::Owned(copied)))
             }
             ("__builtin__.bytes" | "builtins.bytes" | "__builtin__.bytearray" | "builtins.bytearray", &[]) => {
                 Ok(Node::Bytes(Cow::Borrowed(&[])))
@@ -151,28 +152,22 @@ impl<'a> Machine<'a> {
         if element.kind == ElementKind::Object {
             return self.objects(data);
         }
-        let stored = self.bytes(data)?.len();
-        // Twice: reordering and decoding are two copies.
-        self.budget.spend(2 * (stored / element.size.max(1)).saturating_mul(element.decoded_size()), "an array")?;
         if element.is_text() {
             return self.strings(element, data);
         }
-        let array = element.array(shape, fortran_order, self.bytes(data)?)?;
+        let array = element.array(shape, fortran_order, self.bytes(data)?, self.budget)?;
         Ok(Node::Array(Arc::new(array)))
     }
 
     /// An array of strings: the string itself if it is a single one, otherwise a flat list.
     fn strings(&mut self, element: ElementType, data: NodeId) -> Result<Node<'a>, Fault> {
-        let count = self.bytes(data)?.len() / element.size.max(1);
-        self.budget.spend(count * (size_of::<String>() + 2 * size_of::<Node>()), "strings")?;
-        let strings = element.strings(self.bytes(data)?)?;
-        let mut strings: Vec<_> = strings.into_iter().map(|text| Node::Text(Cow::Owned(text))).collect();
+        let mut strings = element.strings(self.bytes(data)?, self.budget)?;
         if strings.len() == 1 {
-            return Ok(strings.remove(0));
+            return Ok(Node::Text(Cow::Owned(strings.remove(0))));
         }
-        let mut items = Vec::with_capacity(strings.len());
-        for string in strings {
-            items.push(self.add(string)?);
+        let mut items = self.budget.vector(strings.len(), "a list")?;
+        for text in strings {
+            items.push(self.add(Node::Text(Cow::Owned(text)))?);
         }
         Ok(Node::List(items))
     }
@@ -181,8 +176,9 @@ impl<'a> Machine<'a> {
     fn objects(&mut self, data: NodeId) -> Result<Node<'a>, Fault> {
         match &self.nodes[data as usize] {
             Node::List(items) => {
-                self.budget.spend(size_of_val(items.as_slice()), "a list")?;
-                Ok(Node::List(items.clone()))
+                let mut copied = self.budget.vector(items.len(), "a list")?;
+                copied.extend_from_slice(items);
+                Ok(Node::List(copied))
             }
             other => Err(self.broken(other.kind(), "the list of an object array")),
         }
@@ -220,29 +216,27 @@ impl<'a> Machine<'a> {
         else {
             return Err(self.broken("something else", "text and the name of an encoding"));
         };
-        self.budget.spend(text.len(), "bytes")?;
-        let bytes: Option<Vec<u8>> = match encoding.as_ref() {
-            "latin1" | "latin-1" => text.chars().map(|character| u8::try_from(character).ok()).collect(),
-            other => return Err(self.broken(excerpt(other), "latin1")),
-        };
-        let bytes = bytes.ok_or_else(|| self.broken("a character above 255", "bytes as Latin-1 text"))?;
-        Ok(Node::Bytes(Cow::Owned(bytes)))
+        if !matches!(encoding.as_ref(), "latin1" | "latin-1") {
+            return Err(self.broken(excerpt(encoding), "latin1"));
+        }
+        let beyond = |_| self.broken("a character above 255", "bytes as Latin-1 text");
+        let bytes = text.chars().map(|character| u8::try_from(character).map_err(beyond));
+        Ok(Node::Bytes(Cow::Owned(self.budget.collect(text.len(), "bytes", bytes)?)))
     }
 
     fn dict_of_pairs(&mut self, pairs: NodeId) -> Result<Node<'a>, Fault> {
         let Node::List(pairs) = &self.nodes[pairs as usize] else {
             return Err(self.broken(self.nodes[pairs as usize].kind(), "a list of pairs"));
         };
-        self.budget.spend(pairs.len() * size_of::<(NodeId, NodeId)>(), "a dict")?;
+        let invalid = || self.broken("something else", "a list of pairs");
         let pair = |&pair: &NodeId| match &self.nodes[pair as usize] {
             Node::List(pair) | Node::Tuple(pair) => match pair[..] {
-                [key, value] => Some((key, value)),
-                _ => None,
+                [key, value] => Ok((key, value)),
+                _ => Err(invalid()),
             },
-            _ => None,
+            _ => Err(invalid()),
         };
-        let entries: Option<Vec<(NodeId, NodeId)>> = pairs.iter().map(pair).collect();
-        entries.map(Node::Dict).ok_or_else(|| self.broken("something else", "a list of pairs"))
+        Ok(Node::Dict(self.budget.collect(pairs.len(), "a dict", pairs.iter().map(pair))?))
     }
 
     /// Whether objects of the class are passed over: only beside tensors.

@@ -2,19 +2,15 @@
 
 use std::sync::Arc;
 
-use super::budget::Budget;
 use super::value::Value;
+use crate::budget::Budget;
 use crate::fault::Fault;
 use crate::{Array, ArrayData, ArrayMap};
 
 /// Adds everything under `value` that has an array form to `arrays`: a dict's entries as `name.key` (or `key`, where
 /// `name` is empty), a list with a single dict in it as that dict, the items of a list of dicts as `name[0]`, `name[1]`, ...,
 /// nested lists of numbers as one array.
-pub(crate) fn flatten(name: &str, value: Value, file_bytes: usize, arrays: &mut ArrayMap) -> Result<(), Fault> {
-    insert(name, value, &mut Budget::for_file(file_bytes), arrays)
-}
-
-fn insert(name: &str, value: Value, budget: &mut Budget, arrays: &mut ArrayMap) -> Result<(), Fault> {
+pub(crate) fn flatten(name: &str, value: Value, budget: &Budget, arrays: &mut ArrayMap) -> Result<(), Fault> {
     match value {
         Value::Dict(entries) => {
             for (key, value) in entries {
@@ -25,13 +21,13 @@ fn insert(name: &str, value: Value, budget: &mut Budget, arrays: &mut ArrayMap) 
                 };
                 let path = if name.is_empty() { key } else { format!("{name}.{key}") };
                 budget.spend(path.len(), "names")?;
-                insert(&path, value, budget, arrays)?;
+                flatten(&path, value, budget, arrays)?;
             }
         }
         // A dict that numpy saved is an array of one object.
         Value::List(items) if matches!(items[..], [Value::Dict(_)]) => {
             for item in items {
-                insert(name, item, budget, arrays)?;
+                flatten(name, item, budget, arrays)?;
             }
         }
         // A dict a frame, as pose estimators have them.
@@ -39,7 +35,7 @@ fn insert(name: &str, value: Value, budget: &mut Budget, arrays: &mut ArrayMap) 
             for (index, item) in items.into_iter().enumerate() {
                 let path = format!("{name}[{index}]");
                 budget.spend(path.len(), "names")?;
-                insert(&path, item, budget, arrays)?;
+                flatten(&path, item, budget, arrays)?;
             }
         }
         value => {
@@ -52,7 +48,7 @@ fn insert(name: &str, value: Value, budget: &mut Budget, arrays: &mut ArrayMap) 
 }
 
 /// The array form of a value, if it has one.
-fn array(value: Value, budget: &mut Budget) -> Result<Option<Array>, Fault> {
+fn array(value: Value, budget: &Budget) -> Result<Option<Array>, Fault> {
     let scalar = |data| Some(Array { shape: Vec::new(), data });
     Ok(match value {
         Value::Bool(value) => scalar(ArrayData::U8(vec![value.into()])),
@@ -66,28 +62,56 @@ fn array(value: Value, budget: &mut Budget) -> Result<Option<Array>, Fault> {
                 Some(Array::clone(&shared))
             }
         },
-        Value::List(items) | Value::Tuple(items) => {
-            let mut rows = Vec::with_capacity(items.len());
-            for item in items {
-                budget.spend(2 * size_of::<Array>(), "rows")?;
-                match array(item, budget)? {
-                    Some(row) => rows.push(row),
-                    None => return Ok(None),
+        Value::List(items) | Value::Tuple(items) => match numbers(&items, budget)? {
+            Some(data) => Some(Array { shape: vec![items.len()], data }),
+            None => {
+                let mut rows = budget.vector(items.len(), "rows")?;
+                for item in items {
+                    match array(item, budget)? {
+                        Some(row) => rows.push(row),
+                        None => return Ok(None),
+                    }
                 }
+                stacked(rows, budget)?
             }
-            stacked(rows)
-        }
+        },
         Value::None | Value::Bytes(_) | Value::Dict(_) => None,
     })
 }
 
+/// A list of plain numbers: integers if all are, else floats; `None` if anything else is among them.
+fn numbers(items: &[Value], budget: &Budget) -> Result<Option<ArrayData>, Fault> {
+    let integer = |item: &Value| match item {
+        Value::Int(value) => Some(*value),
+        _ => None,
+    };
+    let float = |item: &Value| match item {
+        Value::Int(value) => Some(*value as f64),
+        Value::Float(value) => Some(*value),
+        Value::Bool(value) => Some(f64::from(u8::from(*value))),
+        _ => None,
+    };
+    if items.iter().any(|item| float(item).is_none()) {
+        return Ok(None);
+    }
+    if !items.is_empty() && items.iter().all(|item| integer(item).is_some()) {
+        let mut values = budget.vector(items.len(), "numbers")?;
+        values.extend(items.iter().filter_map(integer));
+        return Ok(Some(ArrayData::I64(values)));
+    }
+    let mut values = budget.vector(items.len(), "numbers")?;
+    values.extend(items.iter().filter_map(float));
+    Ok(Some(ArrayData::F64(values)))
+}
+
 /// Rows of one shape as one array with one more axis; `None` if the shapes differ or there is text among them.
-fn stacked(rows: Vec<Array>) -> Option<Array> {
+fn stacked(rows: Vec<Array>, budget: &Budget) -> Result<Option<Array>, Fault> {
     let inner = rows.first().map_or(&[][..], |row| &row.shape);
     if rows.iter().any(|row| row.shape != inner || row.text().is_some()) {
-        return None;
+        return Ok(None);
     }
     let shape = [&[rows.len()], inner].concat();
+    let elements = rows.iter().map(Array::elements).sum();
     let integers: Option<Vec<&[i64]>> = rows
         .iter()
         .map(|row| match &row.data {
@@ -96,8 +120,16 @@ fn stacked(rows: Vec<Array>) -> Option<Array> {
         })
         .collect();
     let data = match integers {
-        Some(integers) if !integers.is_empty() => ArrayData::I64(integers.concat()),
-        _ => ArrayData::F64(rows.iter().filter_map(Array::to_f64).flatten().collect()),
+        Some(integers) if !integers.is_empty() => {
+            let mut values = budget.vector(elements, "rows")?;
+            integers.into_iter().for_each(|row| values.extend_from_slice(row));
+            ArrayData::I64(values)
+        }
+        _ => {
+            let mut values = budget.vector(elements, "rows")?;
+            rows.iter().filter_map(Array::to_f64).for_each(|row| values.extend(row));
+            ArrayData::F64(values)
+        }
     };
-    Some(Array { shape, data })
+    Ok(Some(Array { shape, data }))
 }

@@ -2,20 +2,22 @@
 //!
 //! Opcodes as in CPython's `pickletools.py`. The machine never looks a name up: a global is its name until
 //! [`super::callables`] recognises it where it is called. Every opcode consumes at least its own byte, so the number of
-//! nodes is bounded by the file's length.
+//! nodes is bounded by the file's length; what they hold comes out of the file's budget.
 
 use std::collections::HashMap;
 
-use super::budget::Budget;
 use super::cursor::Cursor;
 use super::literals;
 use super::node::{Node, NodeId};
 use super::tensors::Storages;
 use super::value::Value;
+use crate::budget::Budget;
 use crate::fault::Fault;
 
 /// The newest protocol that the opcodes below belong to.
 const NEWEST_PROTOCOL: u8 = 5;
+/// What an entry of the memo takes at most, while the table moves to twice its size.
+const MEMO_ENTRY_BYTES: usize = 32;
 
 pub(super) struct Machine<'a> {
     pub(super) cursor: Cursor<'a>,
@@ -26,14 +28,14 @@ pub(super) struct Machine<'a> {
     /// Stack heights at which marks stand.
     marks: Vec<usize>,
     memo: HashMap<u32, NodeId>,
-    pub(super) budget: Budget,
+    pub(super) budget: &'a Budget,
     /// Where persistent ids lead to; nowhere in a pickle that is a file of its own.
     pub(super) storages: Option<&'a Storages<'a>>,
 }
 
 impl<'a> Machine<'a> {
-    /// A machine for a pickle in `file_bytes` bytes of data.
-    pub(super) fn new(bytes: &'a [u8], storages: Option<&'a Storages<'a>>, file_bytes: usize) -> Self {
+    /// A machine for a pickle, which may take what `budget` allows.
+    pub(super) fn new(bytes: &'a [u8], storages: Option<&'a Storages<'a>>, budget: &'a Budget) -> Self {
         Self {
             cursor: Cursor::new(bytes),
             opcode_at: 0,
@@ -41,7 +43,7 @@ impl<'a> Machine<'a> {
             stack: Vec::new(),
             marks: Vec::new(),
             memo: HashMap::new(),
-            budget: Budget::for_file(file_bytes),
+            budget,
             storages,
         }
     }
@@ -123,15 +125,14 @@ impl<'a> Machine<'a> {
 
             // Stack and memo
             b'(' => {
-                self.marks.push(self.stack.len());
-                Ok(())
+                let height = self.stack.len();
+                self.budget.push(&mut self.marks, height, "marks")
             }
             b'0' => self.pop_value_or_mark(),
             b'1' => self.pop_marked().map(drop),
             b'2' => {
                 let top = self.top()?;
-                self.stack.push(top);
-                Ok(())
+                self.push_id(top)
             }
             b'p' => {
                 let index = literals::decimal_index(&mut self.cursor)?;
@@ -214,14 +215,17 @@ impl<'a> Machine<'a> {
 
     pub(super) fn add(&mut self, node: Node<'a>) -> Result<NodeId, Fault> {
         let id = NodeId::try_from(self.nodes.len()).map_err(|_| self.broken("more than 2^32 objects", "fewer"))?;
-        self.nodes.push(node);
+        self.budget.push(&mut self.nodes, node, "objects")?;
         Ok(id)
     }
 
     fn push(&mut self, node: Node<'a>) -> Result<(), Fault> {
         let id = self.add(node)?;
-        self.stack.push(id);
-        Ok(())
+        self.push_id(id)
+    }
+
+    fn push_id(&mut self, id: NodeId) -> Result<(), Fault> {
+        self.budget.push(&mut self.stack, id, "a stack")
     }
 
     fn push_literal(&mut self, read: impl FnOnce(&mut Cursor<'a>) -> Result<Node<'a>, Fault>) -> Result<(), Fault> {
@@ -257,7 +261,14 @@ impl<'a> Machine<'a> {
     /// Everything above the last mark, which is removed.
     fn pop_marked(&mut self) -> Result<Vec<NodeId>, Fault> {
         let mark = self.marks.pop().ok_or_else(|| self.broken("no mark", "a mark on the stack"))?;
-        Ok(self.stack.split_off(mark))
+        self.split_off(mark)
+    }
+
+    /// The stack from height `start` on, which is removed.
+    fn split_off(&mut self, start: usize) -> Result<Vec<NodeId>, Fault> {
+        let mut items = self.budget.vector(self.stack.len() - start, "items")?;
+        items.extend(self.stack.drain(start..));
+        Ok(items)
     }
 
     fn push_marked(&mut self, container: fn(Vec<NodeId>) -> Node<'a>) -> Result<(), Fault> {
@@ -270,7 +281,7 @@ impl<'a> Machine<'a> {
     fn tuple(&mut self, length: usize) -> Result<(), Fault> {
         let start = self.stack.len().checked_sub(length).filter(|&start| start >= self.floor());
         let start = start.ok_or_else(|| self.broken("too short a stack", format_args!("{length} values")))?;
-        let items = self.stack.split_off(start);
+        let items = self.split_off(start)?;
         self.push(Node::Tuple(items))
     }
 
@@ -283,7 +294,9 @@ impl<'a> Machine<'a> {
     fn append(&mut self, new: Vec<NodeId>) -> Result<(), Fault> {
         let list = self.top()?;
         match &mut self.nodes[list as usize] {
-            Node::List(items) => items.extend(new),
+            Node::List(items) => {
+                new.into_iter().try_for_each(|item| self.budget.push(items, item, "a list"))?;
+            }
             Node::PassedOver => {}
             other => {
                 let found = other.kind();
@@ -299,7 +312,9 @@ impl<'a> Machine<'a> {
             return Err(self.broken("a key without a value", "pairs"));
         };
         match &mut self.nodes[dict as usize] {
-            Node::Dict(entries) => entries.extend(pairs.iter().map(|&[key, value]| (key, value))),
+            Node::Dict(entries) => {
+                pairs.iter().try_for_each(|&[key, value]| self.budget.push(entries, (key, value), "a dict"))?;
+            }
             Node::PassedOver => {}
             other => {
                 let found = other.kind();
@@ -313,15 +328,16 @@ impl<'a> Machine<'a> {
 
     fn memoise(&mut self, index: u32) -> Result<(), Fault> {
         let top = self.top()?;
-        self.memo.insert(index, top);
+        if self.memo.insert(index, top).is_none() {
+            self.budget.spend(MEMO_ENTRY_BYTES, "a memo")?;
+        }
         Ok(())
     }
 
     fn recall(&mut self, index: u32) -> Result<(), Fault> {
         let remembered = self.memo.get(&index).copied();
         let remembered = remembered.ok_or_else(|| self.broken(format_args!("memo {index}"), "a memo set before"))?;
-        self.stack.push(remembered);
-        Ok(())
+        self.push_id(remembered)
     }
 
     // -- globals
@@ -346,9 +362,9 @@ impl<'a> Machine<'a> {
         };
         // Called repeatedly on one memoised tuple, these copies are what grows.
         let (length, arguments) = (arguments.len(), arguments.as_slice());
-        self.budget.spend(length * size_of::<NodeId>(), "arguments")?;
-        let arguments = arguments.to_vec();
-        self.construct_and_push(callable, arguments)
+        let mut copied = self.budget.vector(length, "arguments")?;
+        copied.extend_from_slice(arguments);
+        self.construct_and_push(callable, copied)
     }
 
     fn construct_and_push(&mut self, callable: NodeId, arguments: Vec<NodeId>) -> Result<(), Fault> {

@@ -3,11 +3,10 @@
 //! A pickle is a program for a stack machine that may call any Python function. [`machine`] executes only the
 //! opcodes that build plain data; the few callables that numpy, scipy, chumpy and joblib put into data files are known by name
 //! in [`callables`] and re-done in Rust; anything else that would be called is refused by its name. Memory is bounded
-//! by a budget proportional to the file, nesting by [`value::MAX_DEPTH`], so cycles and "billion laughs" are errors.
+//! by the file's [`Budget`], nesting by [`value::MAX_DEPTH`], so cycles and "billion laughs" are errors.
 //!
 //! Persistent ids lead to a PyTorch archive's storages ([`tensors`]), and are refused elsewhere; so are out-of-band buffers.
 
-mod budget;
 mod callables;
 mod cursor;
 mod flatten;
@@ -27,21 +26,21 @@ pub use write::write_pickle;
 pub(super) use flatten::flatten;
 pub(super) use tensors::Storages;
 
-use super::ArrayMap;
-use super::fault::Fault;
-use crate::{Error, Result};
+use crate::budget::Budget;
+use crate::fault::Fault;
+use crate::input_file::read_bytes;
+use crate::{ArrayMap, Result};
 
 const FORMAT: &str = "pickle";
 
 /// Reads a pickle of plain data: numbers, text, arrays, and lists, tuples and dicts of these.
 ///
 /// # Errors
-/// [`Error::Refused`] names the callable if the pickle asks for one that is not on the allow-list, such as
-/// `os.system`; [`Error::Malformed`] names the byte offset where a pickle breaks off or goes wrong.
+/// [`Error::Refused`](crate::Error::Refused) names the callable if the pickle asks for one that is not on the allow-list, such as
+/// `os.system`; [`Error::Malformed`](crate::Error::Malformed) names the byte offset where a pickle breaks off or goes wrong.
 pub fn read_pickle(path: impl AsRef<Path>) -> Result<Value> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    parse_pickle(&bytes).map_err(|fault| fault.in_file(path, FORMAT))
+    parse_pickle(&read_bytes(path)?).map_err(|fault| fault.in_file(path, FORMAT))
 }
 
 /// Reads a pickled dict of arrays, as body models and frames are stored.
@@ -50,32 +49,45 @@ pub fn read_pickle(path: impl AsRef<Path>) -> Result<Value> {
 /// the dict are named `outer.inner`, those of a list of dicts `outer[0].inner`. What has no array form (`None`, lists of different lengths) is left out.
 ///
 /// # Errors
-/// As [`read_pickle`]; [`Error::Malformed`] too if the pickle is not a dict.
+/// As [`read_pickle`]; [`Error::Malformed`](crate::Error::Malformed) too if the pickle is not a dict.
 pub fn read_pickle_arrays(path: impl AsRef<Path>) -> Result<ArrayMap> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    let arrays = || {
-        let value = parse_pickle(&bytes)?;
-        if !matches!(value, Value::Dict(_)) {
-            return Err(Fault::malformed("top level", value.kind(), "a dict of arrays"));
-        }
-        let mut arrays = ArrayMap::new();
-        flatten("", value, bytes.len(), &mut arrays)?;
-        Ok(arrays)
-    };
-    arrays().map_err(|fault| fault.in_file(path, FORMAT))
+    parse_pickle_arrays(&read_bytes(path)?).map_err(|fault| fault.in_file(path, FORMAT))
 }
 
-/// Interprets the bytes of a pickle.
-pub(super) fn parse_pickle(bytes: &[u8]) -> std::result::Result<Value, Fault> {
-    machine::Machine::new(bytes, None, bytes.len()).run()
+/// The data of a pickle's bytes.
+///
+/// # Errors
+/// As [`read_pickle`], without the file's name.
+pub fn parse_pickle(bytes: &[u8]) -> std::result::Result<Value, Fault> {
+    interpret(bytes, &Budget::of_file(bytes.len()))
 }
 
-/// Interprets the pickle of an archive of `file_bytes` bytes, whose tensors' numbers are in `storages`.
-pub(super) fn parse_pickle_with_tensors(
+/// The arrays of a pickled dict's bytes.
+///
+/// # Errors
+/// As [`read_pickle_arrays`], without the file's name.
+pub fn parse_pickle_arrays(bytes: &[u8]) -> std::result::Result<ArrayMap, Fault> {
+    let budget = Budget::of_file(bytes.len());
+    let value = interpret(bytes, &budget)?;
+    if !matches!(value, Value::Dict(_)) {
+        return Err(Fault::malformed("top level", value.kind(), "a dict of arrays"));
+    }
+    let mut arrays = ArrayMap::new();
+    flatten("", value, &budget, &mut arrays)?;
+    Ok(arrays)
+}
+
+/// Interprets the bytes of a pickle that stands in a larger file.
+pub(super) fn interpret(bytes: &[u8], budget: &Budget) -> std::result::Result<Value, Fault> {
+    machine::Machine::new(bytes, None, budget).run()
+}
+
+/// Interprets the pickle of an archive whose tensors' numbers are in `storages`.
+pub(super) fn interpret_with_tensors(
     bytes: &[u8],
     storages: &Storages<'_>,
-    file_bytes: usize,
+    budget: &Budget,
 ) -> std::result::Result<Value, Fault> {
-    machine::Machine::new(bytes, Some(storages), file_bytes).run()
+    machine::Machine::new(bytes, Some(storages), budget).run()
 }

@@ -6,8 +6,8 @@
 
 use std::sync::Arc;
 
-use super::budget::Budget;
 use super::value::Value;
+use crate::budget::Budget;
 use crate::element::element_count;
 use crate::fault::Fault;
 use crate::{Array, ArrayData};
@@ -23,7 +23,7 @@ pub(super) fn is_inline_array(class: &str) -> bool {
 }
 
 /// The value that an instance with this state stands for.
-pub(super) fn resolve(class: &str, state: Value, budget: &mut Budget) -> Result<Value, Fault> {
+pub(super) fn resolve(class: &str, state: Value, budget: &Budget) -> Result<Value, Fault> {
     let value = match sparse_layout(class) {
         Some(layout) => dense(layout, &state, budget),
         None => wrapped(class, &state, budget),
@@ -48,18 +48,19 @@ fn sparse_layout(class: &str) -> Option<SparseLayout> {
 }
 
 /// The array of a chumpy object.
-fn wrapped(class: &str, state: &Value, budget: &mut Budget) -> Result<Value, Fault> {
+fn wrapped(class: &str, state: &Value, budget: &Budget) -> Result<Value, Fault> {
     if let Some(inner @ (Value::Array(_) | Value::Int(_) | Value::Float(_))) = state.get("x") {
         return Ok(inner.clone());
     }
     let (Some(Value::Array(source)), Some(Value::Array(selection))) = (state.get("a"), state.get("idxs")) else {
         return Err(Fault::refused(format_args!("evaluating the chumpy expression `{class}`")));
     };
+    let (elements, chosen) = (source.elements(), selection.elements());
+    budget.spend((elements + 2 * chosen).saturating_mul(size_of::<f64>()), "a selection")?;
     let values = source.to_f64().ok_or_else(|| Fault::malformed("a", source.description(), "numbers"))?;
     let selection = selection
         .to_indices(values.len())
         .ok_or_else(|| Fault::malformed("idxs", selection.description(), "indices of elements of a"))?;
-    budget.spend((values.len() + selection.len()) * size_of::<f64>(), "a selection")?;
     let selected: Vec<f64> = selection.iter().map(|&index| values[index as usize]).collect();
     let shape = state.get("preferred_shape").map_or(Some(vec![selected.len()]), extents);
     let shape = shape.filter(|shape| element_count(shape).is_ok_and(|count| count == selected.len()));
@@ -70,7 +71,7 @@ fn wrapped(class: &str, state: &Value, budget: &mut Budget) -> Result<Value, Fau
 }
 
 /// The full matrix of a compressed one: row (or column) i holds `data[k]` at `indices[k]`, indptr[i] <= k < indptr[i+1].
-fn dense(layout: SparseLayout, state: &Value, budget: &mut Budget) -> Result<Value, Fault> {
+fn dense(layout: SparseLayout, state: &Value, budget: &Budget) -> Result<Value, Fault> {
     let array = |key: &str| match state.get(key) {
         Some(Value::Array(array)) => Ok(array),
         other => Err(Fault::malformed(key, other.map_or("missing", Value::kind), "an array")),
@@ -80,12 +81,15 @@ fn dense(layout: SparseLayout, state: &Value, budget: &mut Budget) -> Result<Val
         return Err(Fault::malformed("shape", "something else", "rows and columns"));
     };
     let size = element_count(&[rows, columns])?;
-    budget.spend(size.saturating_mul(size_of::<f64>()), "a dense matrix")?;
+    let mut dense: Vec<f64> = budget.vector(size, "a dense matrix")?;
+    dense.resize(size, 0.0);
     let (major, minor) = match layout {
         SparseLayout::Rows => (rows, columns),
         SparseLayout::Columns => (columns, rows),
     };
     let (data, indices, starts) = (array("data")?, array("indices")?, array("indptr")?);
+    let stored = data.elements() + indices.elements() + starts.elements();
+    budget.spend(stored.saturating_mul(size_of::<f64>()), "the entries of a matrix")?;
     let values = data.to_f64().ok_or_else(|| Fault::malformed("data", data.description(), "numbers"))?;
     let (indices, starts) = match (indices.to_indices(minor), starts.to_indices(values.len() + 1)) {
         (Some(indices), Some(starts))
@@ -95,7 +99,6 @@ fn dense(layout: SparseLayout, state: &Value, budget: &mut Budget) -> Result<Val
         }
         _ => return Err(Fault::malformed("indices, indptr", "inconsistent", "those of a compressed matrix")),
     };
-    let mut dense = vec![0.0; size];
     for (outer, range) in starts.windows(2).enumerate() {
         for entry in range[0] as usize..range[1] as usize {
             let inner = indices[entry] as usize;

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use super::machine::Machine;
 use super::node::{Node, NodeId};
+use crate::budget::Budget;
 use crate::element::{ElementKind, ElementType, element_count};
 use crate::fault::{Fault, excerpt};
 
@@ -125,9 +126,7 @@ impl<'a> Machine<'a> {
                 format_args!("one within its storage of {} bytes", storage.bytes.len()),
             ));
         }
-        // The gathered bytes, then the decoded array of at most eight bytes an element.
-        self.budget.spend(count.saturating_mul(storage.element.size() + 8), "a tensor")?;
-        let gathered = gather(storage.bytes, storage.element.size(), offset, &size, &stride, count);
+        let gathered = gather(storage.bytes, storage.element.size(), offset, (&size, &stride, count), self.budget)?;
         let (element, bytes) = match storage.element {
             StorageElement::Numpy(element) => (element, gathered),
             StorageElement::BrainFloat { big_endian } => {
@@ -137,16 +136,25 @@ impl<'a> Machine<'a> {
                     true => [first, second, 0, 0],
                     false => [0, 0, first, second],
                 });
-                (element, widened.collect())
+                let length = 2 * gathered.len();
+                (element, self.budget.collect(length, "a tensor", widened.map(Ok))?)
             }
         };
-        Ok(Node::Array(Arc::new(element.array(size, false, &bytes)?)))
+        let array = element.array(size, false, &bytes, self.budget)?;
+        self.budget.give_back(bytes.len());
+        Ok(Node::Array(Arc::new(array)))
     }
 }
 
-/// The `count` elements of `size` bytes of a strided view, in row-major order. The view must lie within `bytes`.
-fn gather(bytes: &[u8], size: usize, offset: usize, extents: &[usize], strides: &[usize], count: usize) -> Vec<u8> {
-    let mut gathered = Vec::with_capacity(count * size);
+/// The elements of `size` bytes of a strided view (extents, strides, their number), in row-major order. It must lie within `bytes`.
+fn gather(
+    bytes: &[u8],
+    size: usize,
+    offset: usize,
+    (extents, strides, count): (&[usize], &[usize], usize),
+    budget: &Budget,
+) -> Result<Vec<u8>, Fault> {
+    let mut gathered = budget.vector(count.saturating_mul(size), "a tensor")?;
     let mut index = vec![0; extents.len()];
     let mut position = offset;
     for _ in 0..count {
@@ -161,7 +169,7 @@ fn gather(bytes: &[u8], size: usize, offset: usize, extents: &[usize], strides: 
             index[axis] = 0;
         }
     }
-    gathered
+    Ok(gathered)
 }
 
 /// Whether objects of this class are passed over, unmade and unread: settings and notes that training frameworks keep beside

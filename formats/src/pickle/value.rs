@@ -61,6 +61,9 @@ impl Value {
     }
 }
 
+/// A list may hold another many times: these, not the nodes, are what grows.
+const VALUES: &str = "values that refer to each other";
+
 impl Machine<'_> {
     /// The tree under `root`.
     pub(super) fn into_value(mut self, root: NodeId) -> Result<Value, Fault> {
@@ -69,7 +72,6 @@ impl Machine<'_> {
     }
 
     fn value(&mut self, nodes: &[Node], id: NodeId, depth: usize) -> Result<Value, Fault> {
-        self.budget.spend(2 * size_of::<Value>(), "values that refer to each other")?;
         let depth = depth
             .checked_sub(1)
             .ok_or_else(|| Fault::refused(format_args!("data nested more than {MAX_DEPTH} deep, or inside itself")))?;
@@ -89,16 +91,14 @@ impl Machine<'_> {
             Node::List(items) => Value::List(self.values(nodes, items, depth)?),
             Node::Tuple(items) => Value::Tuple(self.values(nodes, items, depth)?),
             Node::Dict(entries) => {
-                let mut dict = Vec::new();
-                for &(key, value) in entries {
-                    dict.push((self.value(nodes, key, depth)?, self.value(nodes, value, depth)?));
-                }
-                Value::Dict(dict)
+                let budget = self.budget;
+                let entry = |&(key, value): &_| Ok((self.value(nodes, key, depth)?, self.value(nodes, value, depth)?));
+                Value::Dict(budget.collect(entries.len(), VALUES, entries.iter().map(entry))?)
             }
             Node::Array(array) => Value::Array(Arc::clone(array)),
             Node::Object(object) => {
                 let state = object.state.map_or(Ok(Value::None), |state| self.value(nodes, state, depth))?;
-                resolve(&object.class, state, &mut self.budget)?
+                resolve(&object.class, state, self.budget)?
             }
             Node::PassedOver | Node::Storage(_) => Value::None,
             Node::Global(name) if self.passes_over(name) => Value::None,
@@ -114,6 +114,7 @@ impl Machine<'_> {
     }
 
     fn values(&mut self, nodes: &[Node], items: &[NodeId], depth: usize) -> Result<Vec<Value>, Fault> {
-        items.iter().map(|&item| self.value(nodes, item, depth)).collect()
+        let budget = self.budget;
+        budget.collect(items.len(), VALUES, items.iter().map(|&item| self.value(nodes, item, depth)))
     }
 }

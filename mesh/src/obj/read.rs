@@ -11,7 +11,7 @@ use super::parse::{Corner, Statements, parse_mtl, parse_obj};
 use crate::fault::{Fault, Parsed};
 use crate::texture::{read_referenced_texture, referenced_file};
 use crate::{Colouring, TriangleMesh};
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Error, Result, read_bytes};
 
 /// Reads an OBJ file, and the MTL and image it refers to if its faces have texture coordinates.
 ///
@@ -20,7 +20,7 @@ use xavatar_formats::{Error, Result};
 /// that is not there; [`Error::Mismatch`] if faces use more than one texture.
 pub fn read_obj(path: impl AsRef<Path>) -> Result<TriangleMesh> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read_bytes(path)?;
     // Only names of materials and files can be other than ASCII.
     let statements = parse_obj(&String::from_utf8_lossy(&bytes)).map_err(|fault| fault.in_file(path, "OBJ"))?;
     let has_uvs = statements.triangles.iter().flatten().any(|corner| corner.uv.is_some());
@@ -33,14 +33,14 @@ fn read_texture(path: &Path, statements: &Statements) -> Result<Option<RgbImage>
     let mut texture_of_material: HashMap<String, (PathBuf, usize, String)> = HashMap::new();
     for (line, name) in &statements.material_files {
         let file = referenced_file(path, "OBJ", format!("line {line}"), name)?;
-        if !file.is_file() {
+        if !file.exists() {
             return Err(Error::Missing {
                 what: "material file".into(),
                 remedy: format!("put it there, or remove `mtllib` from {}", path.display()),
                 path: file,
             });
         }
-        let bytes = std::fs::read(&file).map_err(Error::io(&file))?;
+        let bytes = read_bytes(&file)?;
         let textures = parse_mtl(&String::from_utf8_lossy(&bytes)).map_err(|fault| fault.in_file(&file, "MTL"))?;
         texture_of_material
             .extend(textures.into_iter().map(|(name, (line, texture))| (name, (file.clone(), line, texture))));

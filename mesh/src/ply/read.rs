@@ -11,7 +11,7 @@ use crate::fault::{Fault, Parsed};
 use crate::surface::unit_normal;
 use crate::texture::read_referenced_texture;
 use crate::{Colouring, TriangleMesh};
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Result, read_bytes};
 
 /// Reads a PLY file: positions in metres, unit normals, colours and texture where the file has them.
 ///
@@ -20,7 +20,7 @@ use xavatar_formats::{Error, Result};
 /// [`Error::Missing`] for a texture image that is not there.
 pub fn read_ply(path: impl AsRef<Path>) -> Result<TriangleMesh> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read_bytes(path)?;
     let (mut mesh, texture) = parse_ply(&bytes).map_err(|fault| fault.in_file(path, "PLY"))?;
     if let Some((uvs, name)) = texture {
         let image = read_referenced_texture(path, "PLY", "comment TextureFile".into(), &name)?;

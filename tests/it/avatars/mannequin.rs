@@ -150,9 +150,9 @@ fn the_canonical_pose_is_undone_and_motions_without_an_avatar_assume_this_body()
     let canonical = model.canonical_joints(&[0.0; 10]).unwrap();
     assert_ne!(canonical[4], rest[4]);
     let (found, assumed) = (RestPose::of_canonical(&canonical).unwrap(), RestPose::default());
-    for joint in 0..JOINTS {
-        assert!(found.joints()[joint].distance(rest[joint]) < 1e-5, "joint {joint}");
-        assert!(assumed.joints()[joint].distance(rest[joint]) < 0.02, "joint {joint}");
+    for (joint, place) in rest.iter().enumerate() {
+        assert!(found.joints()[joint].distance(*place) < 1e-5, "joint {joint}");
+        assert!(assumed.joints()[joint].distance(*place) < 0.02, "joint {joint}");
     }
     assert!(RestPose::of_canonical(&canonical[..10]).is_err());
 }

@@ -2,6 +2,7 @@
 
 mod check;
 mod damaged_files;
+mod hostile_files;
 mod motion;
 mod motion_bvh;
 mod official;

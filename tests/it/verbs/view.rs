@@ -2,7 +2,7 @@
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream};
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, mpsc};
 use std::time::Duration;
 
 use glam::Vec3;
@@ -193,6 +193,134 @@ fn slow_clients_hold_nobody_up() {
     });
 }
 
+/// Answers that take as long as the test wants: those to `/held` until it says so. Notes the clients that were answered.
+struct Held {
+    release: Mutex<mpsc::Receiver<()>>,
+    answered: Mutex<Vec<String>>,
+}
+
+impl Held {
+    fn new() -> (Self, mpsc::Sender<()>) {
+        let (sender, receiver) = mpsc::channel();
+        (Self { release: Mutex::new(receiver), answered: Mutex::default() }, sender)
+    }
+}
+
+impl Answer for Held {
+    fn answer(&self, request: &Request) -> Response {
+        if request.path == "/held" {
+            self.release.lock().unwrap().recv().unwrap();
+        }
+        self.answered.lock().unwrap().push(request.field("x-client").unwrap_or("nobody").into());
+        Response::text(Status::Ok, "made")
+    }
+
+    fn takes_long(&self, request: &Request) -> bool {
+        request.path != "/"
+    }
+}
+
+/// Sends a request whose answer takes long, without waiting for it.
+fn ask(address: SocketAddr, path: &str, client: &str) -> TcpStream {
+    let mut connection = TcpStream::connect(address).unwrap();
+    let request = format!("GET {path} HTTP/1.1\r\nHost: localhost\r\nX-Client: {client}\r\n\r\n");
+    connection.write_all(request.as_bytes()).unwrap();
+    connection
+}
+
+fn answer_to(mut connection: TcpStream) -> u16 {
+    let mut received = Vec::new();
+    connection.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    connection.read_to_end(&mut received).unwrap();
+    status(&received)
+}
+
+/// Returns once the server has read all that was sent to it before: quick answers are given in order.
+fn settle(address: SocketAddr) {
+    assert_eq!(answer_to(ask(address, "/", "settled")), 200);
+}
+
+#[test]
+fn nothing_is_made_for_clients_that_are_gone() {
+    let (answers, release) = Held::new();
+    serving(&answers, |address| {
+        let first = ask(address, "/held", "first");
+        settle(address);
+        let mut clients: Vec<_> = (0..12).map(|client| ask(address, "/long", &client.to_string())).collect();
+        settle(address);
+        let even = |index: &usize| index.is_multiple_of(2);
+        let staying: Vec<_> =
+            clients.drain(..).enumerate().filter(|(index, _)| even(index)).map(|(_, client)| client).collect();
+        release.send(()).unwrap();
+        assert_eq!(answer_to(first), 200);
+        for client in staying {
+            assert_eq!(answer_to(client), 200);
+        }
+    });
+    let mut answered = answers.answered.into_inner().unwrap();
+    answered.retain(|client| client != "settled");
+    assert_eq!(answered, ["first", "0", "2", "4", "6", "8", "10"]);
+}
+
+#[test]
+fn the_latest_of_a_client_wins() {
+    let (answers, release) = Held::new();
+    serving(&answers, |address| {
+        let first = ask(address, "/held", "a");
+        settle(address);
+        let mut waiting = Vec::new();
+        for _ in 0..5 {
+            waiting.push(ask(address, "/long", "a"));
+            settle(address);
+        }
+        let other = ask(address, "/long", "b");
+        settle(address);
+        let latest = waiting.pop().unwrap();
+        for older in waiting {
+            assert_eq!(answer_to(older), 503, "told before the first is answered");
+        }
+        release.send(()).unwrap();
+        for answered in [first, latest, other] {
+            assert_eq!(answer_to(answered), 200);
+        }
+    });
+}
+
+// Half a thousand connections that never ask, 64 poses of which half are gone at once: the others are answered somehow, and a client
+// that comes after them gets the page and its pose.
+#[test]
+fn honest_clients_are_answered_in_a_crowd() {
+    let pose = br#"{"parameters": {}, "resolution": 32}"#;
+    let site = site();
+    serving(&site, |address| {
+        let half = b"POST /mesh HTTP/1.1\r\nHost: local";
+        let silent: Vec<TcpStream> = (0..500)
+            .filter_map(|_| {
+                let mut connection = TcpStream::connect(address).ok()?;
+                // The server may have had enough of them by now.
+                let _ = connection.write_all(half);
+                Some(connection)
+            })
+            .collect();
+        let poses: Vec<TcpStream> = (0..64)
+            .map(|_| {
+                let mut connection = TcpStream::connect(address).unwrap();
+                connection.write_all(&post(pose, JSON)).unwrap();
+                connection
+            })
+            .collect();
+        let (gone, staying): (Vec<_>, Vec<_>) = poses.into_iter().enumerate().partition(|(index, _)| index % 2 == 0);
+        drop(gone);
+        let honest = exchange(address, &post(pose, &format!("{JSON}X-Client: honest\r\n")));
+        assert_eq!(status(&honest), 200);
+        assert_eq!(status(&exchange(address, b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")), 200);
+        for (index, connection) in staying {
+            assert!([200, 503].contains(&answer_to(connection)), "{index}");
+        }
+        drop(silent);
+    });
+}
+
 /// Requests none of which is a good one.
 fn malformed() -> Vec<Vec<u8>> {
     let body = br#"{"parameters": {"jaw_pose": [0.25, 0, 0]}, "resolution": 64}"#;
@@ -247,6 +375,8 @@ fn malformed() -> Vec<Vec<u8>> {
         "GET / HTTP/1.1\r\nHost: \u{0}\r\n\r\n".into(),
         "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n".into(),
         "POST /mesh HTTP/1.1\r\nHost: localhost\r\n\r\n".into(),
+        "GET / HTTP/1.1\r\nHost: localhost\r\nHost: localhost\r\n\r\n".into(),
+        "GET / HTTP/1.1\r\nHost: localhost\r\nOrigin: http://localhost\r\nOrigin: http://localhost\r\n\r\n".into(),
         "POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\n\r\n".into(),
         "POST /mesh HTTP/1.1\r\nHost: localhost\r\nContent-Length: -1\r\n\r\n".into(),
         "POST /mesh HTTP/1.1\r\nHost: localhost\r\nContent-Length: +5\r\n\r\nhello".into(),

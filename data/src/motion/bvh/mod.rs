@@ -20,9 +20,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Motion, RestPose};
+<<<<<<< HEAD
 use retarget::{Retargeting, Unusable};
 use skeleton::Bvh;
 use xavatar_formats::{Error, Result};
+=======
+use xavatar_body::JOINT_NAMES;
+use xavatar_formats::{Error, Result, read_bytes};
+>>>>>>> faults
 
 const FORMAT: &str = "BVH motion";
 const PERSON: &str = "the bones of a person, by names of a common skeleton";
@@ -36,7 +41,7 @@ pub(super) fn is_bvh(start: &[u8]) -> bool {
 
 /// Reads a motion onto the skeleton `rest`; `map`, where there is one, says which bone is which joint.
 pub(super) fn read(path: &Path, rest: &RestPose, map: Option<&BTreeMap<String, String>>) -> Result<Motion> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read_bytes(path)?;
     // Only names can be in another encoding, and they only have to stay apart.
     let mut bvh = parse::parse(&String::from_utf8_lossy(&bytes)).map_err(|fault| fault.in_file(path, FORMAT))?;
     let mut warnings = bvh.oddities.clone();

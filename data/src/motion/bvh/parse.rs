@@ -202,7 +202,7 @@ mod tests {
     fn what_breaks_the_format_is_named_with_its_line() {
         let message = |text: &str| match parse(text).unwrap_err() {
             Fault::Malformed { place, found, expected } => format!("{place}: {found}, expected {expected}"),
-            Fault::Refused(found) => found,
+            other => format!("{other:?}"),
         };
         for (from, to, words) in [
             ("HIERARCHY", "HIERARCHIES", "line 1: \"HIERARCHIES\""),

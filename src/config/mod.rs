@@ -1,0 +1,177 @@
+//! Everything a user may turn, once: presets are files in `configs/`, `--set key=value` overrides any key.
+//!
+//! A run's folder holds the complete configuration as used. Unknown keys are errors that suggest the nearest known one.
+
+mod fields;
+mod losses;
+mod optimiser;
+mod presets;
+mod rgbd;
+mod sampling;
+mod schedule;
+mod search;
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use xavatar_deformer::SearchSettings;
+use xavatar_formats::read_text;
+use xavatar_network::Representation;
+
+use crate::{Error, InputError, Result};
+
+pub use fields::{FieldSettings, SkinningSettings, SkinningShape};
+pub use losses::LossSettings;
+pub use optimiser::OptimiserSettings;
+pub use presets::{preset_for_rgbd, preset_names};
+pub use rgbd::RgbdSettings;
+pub use sampling::{HandSupervision, SamplingSettings, SamplingStrategy};
+pub use schedule::Schedule;
+pub use search::{Assignment, SearchedField, Starts};
+
+/// A complete configuration of one training run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// The preset it started from.
+    pub preset: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Leave out frames that cannot be used instead of stopping at the first.
+    pub skip_bad_frames: bool,
+    /// Extents of the networks.
+    pub fields: FieldSettings,
+    /// When search starts are given up and roots are the same.
+    pub search: SearchSettings,
+    /// Which bones start the search.
+    pub starts: Starts,
+    /// On which field the search runs.
+    pub searched_field: SearchedField,
+    /// Which candidate a training point is assigned to.
+    pub assignment: Assignment,
+    /// Points drawn from each frame.
+    pub sampling: SamplingSettings,
+    /// Further points of each frame of an RGB-D camera; without it, the frames are scans.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rgbd: Option<RgbdSettings>,
+    /// Weights of the loss terms.
+    pub losses: LossSettings,
+    /// Adam and its learning rate.
+    pub optimiser: OptimiserSettings,
+    /// How long, and how often to save and show.
+    pub schedule: Schedule,
+}
+
+impl Config {
+    /// The configuration of a preset.
+    ///
+    /// # Errors
+    /// [`InputError::Value`] names the presets if there is none of this name.
+    pub fn preset(name: &str) -> Result<Self> {
+        Self::preset_with(name, &[])
+    }
+
+    /// A preset with overrides `("losses.normal", "0.5")` applied.
+    ///
+    /// # Errors
+    /// [`InputError::Value`] for an unknown preset, or naming the first key whose value is of the wrong kind or range;
+    /// [`Error::UnknownSetting`] for a key.
+    pub fn preset_with(name: &str, settings: &[(String, String)]) -> Result<Self> {
+        let config = presets::with_settings(name, settings)?;
+        config.check()?;
+        Ok(config)
+    }
+
+    /// Reads a run's `config.toml`.
+    ///
+    /// # Errors
+    /// [`InputError::Io`] or [`InputError::Malformed`], naming the file.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = read_text(path)?;
+        let config: Self = toml::from_str(&text).map_err(|error| malformed(path, &error))?;
+        config.check()?;
+        Ok(config)
+    }
+
+    /// The text of `config.toml`.
+    ///
+    /// # Errors
+    /// [`InputError::Value`] for a number that TOML cannot hold.
+    pub fn to_toml(&self) -> Result<String> {
+        Ok(toml::to_string(self).map_err(|error| InputError::Value {
+            name: "configuration".into(),
+            found: error.to_string(),
+            expected: "numbers that TOML can hold".into(),
+        })?)
+    }
+
+    fn check(&self) -> Result<()> {
+        self.fields.check()?;
+        self.searched_field.check()?;
+        self.sampling.check()?;
+        self.losses.check()?;
+        self.optimiser.check()?;
+        self.schedule.check()?;
+        if let Some(rgbd) = &self.rgbd {
+            rgbd.check(&self.sampling)?;
+        }
+        match self.fields.representation {
+            Representation::Occupancy if self.rgbd.is_some() => {
+                refuse("fields.representation", "occupancy", "signed_distance for RGB-D frames, which show no inside")
+            }
+            Representation::Occupancy if self.losses.distance > 0.0 => {
+                refuse("losses.distance", self.losses.distance, "0 for an occupancy field, which has no distances")
+            }
+            Representation::SignedDistance if self.losses.occupancy > 0.0 => {
+                refuse("losses.occupancy", self.losses.occupancy, "0 for a signed distance field, which has no logits")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+fn positive(name: &str, value: f64) -> Result<()> {
+    if value.is_finite() && value > 0.0 { Ok(()) } else { refuse(name, value, "a positive number") }
+}
+
+fn within(name: &str, value: f64, maximum: f64) -> Result<()> {
+    if (0.0..=maximum).contains(&value) { Ok(()) } else { refuse(name, value, &format!("between 0 and {maximum}")) }
+}
+
+fn refuse(name: &str, found: impl ToString, expected: &str) -> Result<()> {
+    Err(Error::from(InputError::Value { name: name.into(), found: found.to_string(), expected: expected.into() }))
+}
+
+fn malformed(path: &Path, error: &toml::de::Error) -> Error {
+    Error::from(InputError::Malformed {
+        path: path.into(),
+        format: "configuration",
+        place: error.span().map_or("the file".into(), |span| format!("byte {}", span.start)),
+        found: error.message().into(),
+        expected: "the keys of a preset in configs/".into(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set(key: &str, value: &str) -> Result<Config> {
+        Config::preset_with("fast", &[(key.into(), value.into())])
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused() {
+        for (key, value) in [
+            ("optimiser.learning_rate", "0"),
+            ("optimiser.learning_rate", "nan"),
+            ("sampling.points", "-5"),
+            ("sampling.points", "many"),
+            ("fields.condition_dropout", "1.5"),
+            ("losses.bone", "-1"),
+            ("losses.occupancy", "1"),
+        ] {
+            assert!(matches!(set(key, value), Err(Error::Input(InputError::Value { .. }))), "{key} = {value}");
+        }
+    }
+}
