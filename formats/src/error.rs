@@ -102,6 +102,20 @@ pub enum Error {
         /// Where the formats are described.
         remedy: &'static str,
     },
+    /// A skeleton whose bones' names do not say which joints of a body they are.
+    #[error(
+        "{path}: a skeleton in which no bone is known as {missing}; \
+         complete this map, save it as map.toml and give it as --bones map.toml:{map}",
+        path = Shown(path.display()), missing = Shown(missing), map = Indented(map)
+    )]
+    UnknownBones {
+        /// The file.
+        path: PathBuf,
+        /// The joints that no bone is known as.
+        missing: String,
+        /// A map of the bones to start from, a line each.
+        map: Vec<String>,
+    },
     /// A value outside its range, or an array of the wrong shape, passed by a caller or a configuration.
     #[error("{name} is {found}, expected {expected}", name = Shown(name), found = Shown(found), expected = Shown(expected))]
     Value {
@@ -193,6 +207,7 @@ mod tests {
             Error::TooLarge { path: path.clone(), purpose: text.clone(), bytes: 1, limit: MemoryLimit::OfSystem },
             Error::Mismatch { path: path.clone(), found: text.clone(), expected: text.clone(), remedy: text.clone() },
             Error::Unrecognised { path: path.clone(), what: "motion", tried: vec![text.clone()], remedy: "convert it" },
+            Error::UnknownBones { path: path.clone(), missing: text.clone(), map: vec![text.clone()] },
             Error::Value { name: text.clone(), found: text.clone(), expected: text.clone() },
             Error::Frame { frame: text.clone(), source: Box::new(Error::Io { path, source: system() }) },
         ];
@@ -206,6 +221,7 @@ mod tests {
                 | Error::TooLarge { .. }
                 | Error::Mismatch { .. }
                 | Error::Unrecognised { .. }
+                | Error::UnknownBones { .. }
                 | Error::Value { .. }
                 | Error::Frame { .. } => {}
             }
@@ -217,7 +233,11 @@ mod tests {
     fn no_message_carries_what_a_terminal_obeys_or_more_than_a_screen() {
         for error in every_error("\u{1b}]0;title\u{7}\n\u{9b}2J\r") {
             let message = error.to_string();
-            let lines = if matches!(error, Error::Unrecognised { .. }) { 3 } else { 1 };
+            let lines = match error {
+                Error::Unrecognised { .. } => 3,
+                Error::UnknownBones { .. } => 2,
+                _ => 1,
+            };
             assert_eq!(message.lines().count(), lines, "{message:?}");
             assert!(!message.chars().any(|character| character.is_control() && character != '\n'), "{message:?}");
         }

@@ -5,6 +5,7 @@
 //! | npy, npz | [`read_npy`], [`read_npz`]; written by [`write_npz`] |
 //! | pickle, of every protocol | [`read_pickle`], [`read_pickle_arrays`]: a machine with an allow-list that runs nothing that is in the file |
 //! | PyTorch checkpoint | [`read_torch`] |
+//! | any of these and JSON, by what it begins with, compressed or not | [`ArrayFile`] |
 //! | safetensors | [`TensorFile`] |
 //! | PNG, JPEG | [`read_picture`] |
 //!
@@ -15,6 +16,7 @@
 //! file as well. Every crate below training shares this [`Error`]: what a user gave, and what is wrong with it.
 
 mod array;
+mod array_file;
 mod atomic_file;
 mod budget;
 mod element;
@@ -31,6 +33,7 @@ mod tensor_file;
 mod torch;
 
 pub use array::{Array, ArrayData, ArrayMap};
+pub use array_file::{ArrayFile, Container};
 pub use atomic_file::write_atomically;
 pub use element::element_count;
 pub use error::{Error, MemoryLimit, Result};

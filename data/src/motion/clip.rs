@@ -86,6 +86,7 @@ impl Clip {
         };
         report.push(format!("frame rate: {rate} per second ({origin})"));
 
+        motion.warnings.extend(motion.doubt_about_axis(options));
         report.push(motion.settle_up(options));
         let mut motion = motion.turned_to_y_up(options.rest.pelvis());
         let mut warnings = std::mem::take(&mut motion.warnings);

@@ -58,6 +58,15 @@ impl Motion {
         format!("up axis: {axis} ({reason}){turned}")
     }
 
+    /// That nothing tells which way is up in a motion that is as its file has it.
+    pub(super) fn doubt_about_axis(&self, options: &MotionOptions) -> Option<String> {
+        let is_told = self.up_is_certain || options.up.is_some() || options.coordinates.is_some();
+        (!is_told && self.standing_axis().is_none()).then(|| {
+            let axis = self.up;
+            format!("which way is up shows neither in the file nor by a body that stands; {axis} is taken: declare it (--up, --from)")
+        })
+    }
+
     /// What should be looked at in a motion that is Y up, after all.
     pub(super) fn doubts_about_up(&self) -> Option<String> {
         const REMEDY: &str = "if that is wrong, declare the file's up axis (--up) or that it is in a camera's coordinates (--from camera)";

@@ -2,6 +2,7 @@
 
 mod bvh_files;
 mod kinematics;
+mod parameters;
 mod rest_poses;
 
 use std::path::{Path, PathBuf};

@@ -20,14 +20,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Motion, RestPose};
-<<<<<<< HEAD
 use retarget::{Retargeting, Unusable};
 use skeleton::Bvh;
-use xavatar_formats::{Error, Result};
-=======
-use xavatar_body::JOINT_NAMES;
 use xavatar_formats::{Error, Result, read_bytes};
->>>>>>> faults
 
 const FORMAT: &str = "BVH motion";
 const PERSON: &str = "the bones of a person, by names of a common skeleton";
@@ -53,15 +48,7 @@ pub(super) fn read(path: &Path, rest: &RestPose, map: Option<&BTreeMap<String, S
     let frames_per_second = bvh.frame_time.map(rate);
     let draft = bones::draft(&bvh.joints, &bones);
     let retargeting = Retargeting::new(bvh, bones, rest).map_err(|unusable| match unusable {
-        Unusable::Missing(joints) => Error::Mismatch {
-            path: path.into(),
-            found: format!("a skeleton in which no bone is known as {}", joints.join(", ")),
-            expected: PERSON.into(),
-            remedy: format!(
-                "complete this map, save it as map.toml and give it as --bones map.toml:\n{}",
-                draft.trim_end()
-            ),
-        },
+        Unusable::Missing(joints) => Error::UnknownBones { path: path.into(), missing: joints.join(", "), map: draft },
         Unusable::NoBody(without) => Error::Mismatch {
             path: path.into(),
             found: format!("a skeleton without {without}"),

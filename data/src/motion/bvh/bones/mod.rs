@@ -9,7 +9,6 @@ mod table;
 mod tree;
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
 use xavatar_body::{JOINT_NAMES, JOINTS};
 use xavatar_formats::{Error, Result};
@@ -184,16 +183,14 @@ pub(super) fn declared(joints: &[Joint], map: &BTreeMap<String, String>) -> Resu
     Ok(Tree { joints }.carriers(&bones))
 }
 
-/// A map in TOML to start from: the bones that are known, and the others as comments.
-pub(super) fn draft(joints: &[Joint], bones: &Bones) -> String {
-    let mut draft = String::new();
-    for (index, joint) in joints.iter().enumerate() {
+/// A map in TOML to start from, a line a bone: those that are known, and the others as comments.
+pub(super) fn draft(joints: &[Joint], bones: &Bones) -> Vec<String> {
+    let line = |(index, joint): (usize, &Joint)| {
         let known = bones.iter().position(|bone| *bone == Some(index));
         let (comment, known) = known.map_or(("# ", ""), |known| ("", JOINT_NAMES[known]));
-        // Writing to a string cannot fail.
-        let _ = writeln!(draft, "  {comment}{:?} = \"{known}\"", joint.name);
-    }
-    draft
+        format!("{comment}{:?} = \"{known}\"", joint.name)
+    };
+    joints.iter().enumerate().map(line).collect()
 }
 
 fn joint_index(name: &str) -> Option<usize> {
