@@ -13,7 +13,6 @@ use crate::npy::NpyFile;
 use crate::pickle::{Value, flatten, interpret};
 use crate::{Array, ArrayMap, Error, Result, parse_npz, parse_torch, torch};
 
-const FORMAT: &str = "file of arrays";
 const ZIP: &[u8] = b"PK";
 const NPY: &[u8] = b"\x93NUMPY";
 const GZIP: &[u8] = b"\x1f\x8b";
@@ -59,7 +58,7 @@ impl ArrayFile {
                 remedy: remedy.into(),
             });
         }
-        Self::parse(&bytes).map_err(|fault| fault.in_file(path, FORMAT))
+        Self::parse(&bytes).map_err(|fault| fault.in_file(path, format_of(&bytes)))
     }
 
     /// The only array of a file that has no names.
@@ -106,6 +105,17 @@ impl ArrayFile {
             return Ok(None);
         };
         Ok(Some(Self { container, arrays }))
+    }
+}
+
+/// What bytes are meant to be, for messages.
+fn format_of(bytes: &[u8]) -> &'static str {
+    match bytes {
+        _ if bytes.starts_with(ZIP) => "archive of arrays",
+        _ if bytes.starts_with(GZIP) || is_zlib(bytes) => "compressed pickle",
+        _ if bytes.starts_with(NPY) => "npy array",
+        _ if is_pickle(bytes) => "pickle",
+        _ => "JSON file",
     }
 }
 

@@ -60,6 +60,7 @@ impl Extract {
                 let (body, labels) = load_body(body, avatar.subject.gender)?;
                 let rest = RestPose::of_canonical(&avatar.subject.joints)?;
                 let clip = load_clip(pose, &MotionOptions { rest, ..MotionOptions::default() })?;
+                clip.warnings.iter().for_each(|line| log::warn!("{line}"));
                 let parameters = clip.frames.into_iter().next().unwrap_or_default();
                 avatar.extract_posed(&body, &labels, &parameters, self.resolution)?
             }

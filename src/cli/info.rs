@@ -12,7 +12,7 @@ use xavatar::config::Config;
 use xavatar::data::{Clip, Motion, MotionOptions, read_motion};
 use xavatar::fields::FIELD_NAMES;
 use xavatar::formats::Shown;
-use xavatar::formats::{Array, ArrayMap, Value, read_npy, read_npz, read_pickle, read_pickle_arrays};
+use xavatar::formats::{Array, ArrayFile, ArrayMap, Container, Error as InputError, read_pickle};
 use xavatar::mesh::{Colouring, Topology, read_mesh};
 
 use super::Outcome;
@@ -23,7 +23,7 @@ use super::json::JsonArgument;
 #[command(after_help = "Examples:\n  \
     xavatar info runs/00016\n  xavatar info models/smplx/SMPLX_NEUTRAL.npz\n  xavatar info runs/00016 --json -")]
 pub struct Info {
-    /// A run's folder, .safetensors, .npz, .npy, .pkl, .bvh, .ply or .obj
+    /// A run's folder, .safetensors, .npz, .npy, .pkl, .pt, .json, .bvh, .ply or .obj
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
@@ -40,18 +40,9 @@ impl Info {
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
         let content = match extension {
             _ if path.is_dir() || extension == "safetensors" => of_avatar(path)?,
-            "npz" => of_arrays(path, &read_npz(path)?),
-            "npy" => Content::Array(ArrayDescription::of(&read_npy(path)?)),
-            "pkl" => match read_pickle(path)? {
-                Value::Dict(_) => of_arrays(path, &read_pickle_arrays(path)?),
-                Value::Array(array) => Content::Array(ArrayDescription::of(&array)),
-                value => Content::Pickle { holds: value.kind() },
-            },
             "bvh" => of_motion(read_motion(path)?, Arrays::new()),
             "ply" | "obj" => of_mesh(path)?,
-            _ => {
-                bail!("{}: expected a run's folder, .safetensors, .npz, .npy, .pkl, .bvh, .ply or .obj", path.display())
-            }
+            _ => of_array_file(path)?,
         };
         self.json.print(&content, &content)?;
         Ok(Outcome::Done)
@@ -66,7 +57,7 @@ enum Content {
     BodyModel { gender: Option<Gender>, vertices: usize, faces: usize, part_labels: String, arrays: Arrays },
     UnusableBodyModel { problem: String, arrays: Arrays },
     Motion { frames: usize, frames_per_second: Option<f32>, source: String, report: Vec<String>, arrays: Arrays },
-    Arrays { arrays: Arrays },
+    Arrays { arrays: Arrays, problem: Option<String> },
     Array(ArrayDescription),
     Pickle { holds: &'static str },
     Mesh { vertices: usize, faces: usize, colours: String, watertight: bool, open_edges: usize, parts: usize },
@@ -115,6 +106,29 @@ fn of_avatar(path: &Path) -> anyhow::Result<Content> {
     })))
 }
 
+/// A file of arrays, in whatever container, or of a motion without any.
+fn of_array_file(path: &Path) -> anyhow::Result<Content> {
+    let Some(file) = ArrayFile::read(path)? else {
+        return match read_motion(path) {
+            Ok(motion) => Ok(of_motion(motion, Arrays::new())),
+            Err(_) => bail!(
+                "{}: expected a run's folder, .safetensors, .npz, .npy, .pkl, .pt, .json, .bvh, .ply or .obj",
+                path.display()
+            ),
+        };
+    };
+    Ok(match file.single() {
+        Some(array) => match read_motion(path) {
+            Ok(motion) => of_motion(motion, Arrays::from([(String::new(), ArrayDescription::of(array))])),
+            Err(_) => Content::Array(ArrayDescription::of(array)),
+        },
+        None if file.arrays.is_empty() && file.container == Container::Pickle => {
+            Content::Pickle { holds: read_pickle(path)?.kind() }
+        }
+        None => of_arrays(path, &file.arrays),
+    })
+}
+
 fn of_arrays(path: &Path, arrays: &ArrayMap) -> Content {
     let described = arrays.iter().map(|(name, array)| (name.clone(), ArrayDescription::of(array))).collect();
     if arrays.contains_key("v_template") {
@@ -122,14 +136,21 @@ fn of_arrays(path: &Path, arrays: &ArrayMap) -> Content {
     }
     match read_motion(path) {
         Ok(motion) => of_motion(motion, described),
-        Err(_) => Content::Arrays { arrays: described },
+        Err(InputError::Unrecognised { .. }) => Content::Arrays { arrays: described, problem: None },
+        // It is meant to be a motion.
+        Err(error) => Content::Arrays { arrays: described, problem: Some(error.to_string()) },
     }
 }
 
 fn of_motion(motion: Motion, arrays: Arrays) -> Content {
     let (frames, frames_per_second, source) = (motion.frames.len(), motion.frames_per_second, motion.source.clone());
-    let report =
-        Clip::of(motion, &MotionOptions::default()).map_or_else(|error| vec![error.to_string()], |clip| clip.report);
+    let report = Clip::of(motion, &MotionOptions::default()).map_or_else(
+        |error| vec![error.to_string()],
+        |clip| {
+            let warnings = clip.warnings.into_iter().map(|line| format!("warning: {line}"));
+            clip.report.into_iter().chain(warnings).collect()
+        },
+    );
     Content::Motion { frames, frames_per_second, source, report, arrays }
 }
 
@@ -182,7 +203,12 @@ impl fmt::Display for Content {
                 report.iter().try_for_each(|line| writeln!(formatter, "{line}"))?;
                 write_arrays(formatter, arrays)
             }
-            Self::Arrays { arrays } => write_arrays(formatter, arrays),
+            Self::Arrays { arrays, problem } => {
+                if let Some(problem) = problem {
+                    writeln!(formatter, "not a usable motion: {problem}")?;
+                }
+                write_arrays(formatter, arrays)
+            }
             Self::Array(array) => writeln!(formatter, "{}", array.description),
             Self::Pickle { holds } => writeln!(formatter, "pickled {holds}"),
             Self::Mesh { vertices, faces, colours, watertight, open_edges, parts } => {

@@ -12,14 +12,23 @@ use super::stance::Stance;
 
 /// A bone that points against the direction it has in the T-pose is turned about no particular axis.
 const OPPOSITE: f64 = -0.985;
+/// A neck this close to the trunk's direction is straight, degrees: no person's is.
+const STRAIGHT: f64 = 3.0;
+const CHEST: usize = 9;
+const NECK: usize = 12;
+const HEAD: usize = 15;
+const SHOULDER: usize = 16;
 /// A foot's toes are ahead if they are this far, as a share of its length, off the way down.
 const AHEAD: f64 = 0.5;
 
-/// In which stance a joint is aligned, and which way is up there, if feet are level.
+/// In which stance a joint is aligned.
 #[derive(Clone, Copy)]
 pub(super) struct Reference<'a> {
     pub(super) stance: &'a Stance,
+    /// Which way is up there, if feet are level.
     pub(super) up: Option<DVec3>,
+    /// Whether it is the rest pose.
+    pub(super) is_rest: bool,
 }
 
 /// Turns of upper limbs about their own direction, radians, by joint.
@@ -64,7 +73,7 @@ impl Axes {
         let mut axes = Self { in_bone: [None; JOINTS] };
         axes.in_bone[0] = Some(root);
         for joint in 1..JOINTS {
-            let Reference { stance, up } = references[joint];
+            let Reference { stance, up, is_rest } = references[joint];
             let Some(turn) = stance.turn(joint) else { continue };
             let above = axes.of(PARENTS[joint], stance);
             let aligned = match (Manner::of(joint, own), stance.direction(joint)) {
@@ -73,6 +82,9 @@ impl Axes {
                     DQuat::from_axis_angle(direction, roll[joint]) * smallest
                 }
                 (Manner::Foot, Some(direction)) => foot(above, up, direction, own.direction(joint)),
+                // Where arms lie along their bones, so may the neck.
+                _ if joint == NECK && is_rest && !references[SHOULDER].is_rest => neck(above, stance, own),
+                _ if joint == HEAD && is_rest => axes.of(CHEST, stance),
                 _ => above,
             };
             axes.in_bone[joint] = Some(turn.inverse() * aligned);
@@ -97,6 +109,17 @@ impl Axes {
     /// G_j.
     pub(super) fn in_bone(&self, joint: usize) -> Option<DQuat> {
         self.in_bone[joint]
+    }
+}
+
+/// The axes of a neck in a rest pose whose bones lie along each other: tilted as the avatar's if it is straight.
+fn neck(trunk: DQuat, stance: &Stance, own: &Stance) -> DQuat {
+    let to_head = |stance: &Stance| stance.between(NECK, HEAD).and_then(DVec3::try_normalize);
+    match (to_head(stance), to_head(own)) {
+        (Some(direction), Some(own)) if direction.angle_between(trunk * DVec3::Y).to_degrees() < STRAIGHT => {
+            smallest_turn(trunk * own, direction, trunk * DVec3::X) * trunk
+        }
+        _ => trunk,
     }
 }
 

@@ -209,7 +209,7 @@ impl<'a> RestPose<'a> {
         world_up: &WorldUp,
     ) -> Option<(Axes, Vec<(Part, usize)>)> {
         let mut served = Vec::new();
-        let here = Reference { stance: self.stance, up: Some(self.up()) };
+        let here = Reference { stance: self.stance, up: Some(self.up()), is_rest: true };
         let mut references = [here; JOINTS];
         for part in Part::ALL.into_iter().filter(|part| !self.believes(*part)) {
             let off = |frame: &Stance| off_the_t_pose(frame, part);
@@ -222,7 +222,7 @@ impl<'a> RestPose<'a> {
             let up = stance.body().map(|body| world_up.near(body * DVec3::Y)).filter(|_| stands);
             served.push((part, best));
             for joint in (0..JOINTS).filter(|joint| Part::of(*joint) == part) {
-                references[joint] = Reference { stance, up };
+                references[joint] = Reference { stance, up, is_rest: false };
             }
         }
         let root = match self.believes(Part::Trunk) {
@@ -251,7 +251,8 @@ fn off_the_t_pose(stance: &Stance, part: Part) -> f64 {
     let sum = match part {
         Part::Trunk => {
             let head = stance.between(9, 15).or_else(|| stance.between(9, 12)).and_then(DVec3::try_normalize);
-            head.map_or(0.0, |head| degrees(body.inverse() * head, DVec3::Y))
+            let (head, across) = (head.unwrap_or(body * DVec3::Y), stance.across_top().unwrap_or(body * DVec3::X));
+            degrees(body.inverse() * head, DVec3::Y) + degrees(body.inverse() * across, DVec3::X)
         }
         Part::Legs => [1, 2, 4, 5].into_iter().map(|joint| off(joint, DVec3::NEG_Y)).fold(0.0, f64::max),
         Part::LeftFoot => off(1, DVec3::NEG_Y).max(off(4, DVec3::NEG_Y)),

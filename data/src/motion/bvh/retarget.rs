@@ -64,7 +64,7 @@ impl Retargeting {
         let (bvh, mirrored) = unmirrored(bvh, &bones)?;
         let (stance, frames) = stances(&bvh, &bones);
         let own_rest = Stance::at_rest(&rest.joints().map(|place| place.as_dvec3()));
-        let at_own_rest = [Reference { stance: &own_rest, up: Some(DVec3::Y) }; JOINTS];
+        let at_own_rest = [Reference { stance: &own_rest, up: Some(DVec3::Y), is_rest: true }; JOINTS];
         let own = Axes::new(&at_own_rest, DQuat::IDENTITY, &[0.0; JOINTS], &own_rest);
 
         let without = "hips and shoulders apart from each other, as a body has";

@@ -111,10 +111,11 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap, choice: &mut Choice) -> Resul
         Coordinates::Camera => UpAxis::MinusY,
         Coordinates::World => tool.up,
     };
-    if motion.up_is_certain {
-        motion.coordinates = Some(coordinates);
-        motion.up_reason = format!("by {}, in {coordinates} coordinates", tool.name);
-    }
+    motion.coordinates = motion.up_is_certain.then_some(coordinates);
+    motion.up_reason = match motion.up_is_certain {
+        true => format!("by {}, in {coordinates} coordinates", tool.name),
+        false => format!("usual of {}, in {coordinates} coordinates", tool.name),
+    };
     motion.source = format!("{} ({})", path.display(), tool.name);
     choice.person = Some(label);
     Ok(motion)

@@ -106,6 +106,11 @@ pub(super) fn is_body(name: &str) -> bool {
     BODY.iter().chain(POSE).any(|(known, _)| *known == name)
 }
 
+/// The first name that says nothing else, for messages.
+pub(super) fn plain(names: &[Name]) -> &'static str {
+    names.iter().find(|(_, coordinates)| coordinates.is_none()).map_or("", |(name, _)| name)
+}
+
 /// The names, quoted and joined.
 pub(super) fn quoted(names: &[Name]) -> String {
     names.iter().map(|(name, _)| format!("`{name}`")).collect::<Vec<_>>().join(", ")

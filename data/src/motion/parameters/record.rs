@@ -55,7 +55,7 @@ impl Record<'_> {
         let rotations = rows.rotations(&key, array, layout.joints)?;
         let joints: Vec<&[PoseAxisAngle]> =
             rotations.chunks_exact(layout.joints).map(|row| &row[usize::from(layout.has_root())..]).collect();
-        let mut missing = |names: &[Name]| zeroed.push(names[0].0.to_owned());
+        let mut missing = |names: &[Name]| zeroed.push(names::plain(names).to_owned());
         // Of arrays of their own, else of the whole pose, else neutral.
         let mut single = |names: &'static [Name], in_pose: Option<Vec<PoseAxisAngle>>| match (self.find(names), in_pose)
         {

@@ -98,3 +98,46 @@ impl Tool {
         TOOLS.iter().find(has_marks).unwrap_or(&TOOLS[TOOLS.len() - 1])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::parameters::names;
+
+    const DOCUMENT: &str = include_str!("../../../../docs/motion.md");
+
+    #[test]
+    fn tools_are_told_by_what_their_files_have() {
+        let of = |names: &[&str]| Tool::of(|name| names.contains(&name)).name;
+        assert_eq!(of(&["pose", "trans", "pose_world", "trans_world", "betas"]), "WHAM");
+        assert_eq!(of(&["pose", "pred_cam", "orig_cam", "betas"]), "VIBE");
+        assert_eq!(of(&["smpl_thetas", "cam", "center_confs", "global_orient", "body_pose"]), "ROMP");
+        assert_eq!(of(&["poses", "Rh", "Th", "shapes", "id"]), "EasyMocap");
+        assert_eq!(of(&["poses", "trans", "betas", "gender"]), "SMPL poses");
+        assert_eq!(of(&["pose", "trans", "betas"]), "SMPL-X parameters");
+    }
+
+    #[test]
+    fn the_document_has_every_tool_and_every_name() {
+        for tool in &TOOLS {
+            assert!(DOCUMENT.contains(&format!("\n| {}", tool.name)), "{}", tool.name);
+        }
+        let right = |name: &str| name.contains("right") || name.contains("rhand") || name.contains("reye");
+        let lists = [
+            names::BODY,
+            names::POSE,
+            names::ROOT,
+            names::LEFT_HAND,
+            names::HANDS,
+            names::JAW,
+            names::LEFT_EYE,
+            names::EXPRESSION,
+            names::BETAS,
+            names::TRANSLATION,
+        ];
+        for (name, _) in lists.into_iter().flatten().filter(|(name, _)| !right(name)) {
+            assert!(DOCUMENT.contains(&format!("`{name}`")), "{name}");
+        }
+        assert!(names::RATE.iter().all(|name| DOCUMENT.contains(&format!("`{name}`"))));
+    }
+}
