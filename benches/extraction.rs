@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
 use xavatar::body::{BodyModel, PartLabels};
-use xavatar::data::read_motion;
+use xavatar::data::{Clip, MotionOptions};
 use xavatar::mesh::{write_obj, write_ply};
 
 /// Frames of a motion that are measured.
@@ -22,7 +22,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let avatar = Avatar::load(Path::new(run))?;
     let body = BodyModel::load(Path::new(body), avatar.subject.gender)?;
     let labels = PartLabels::find(&body)?;
-    let mut frames = read_motion(Path::new(motion))?.frames;
+    let clip = Clip::load(Path::new(motion), &MotionOptions::default())?;
+    let mut frames = clip.poses(Some(&body))?;
     frames.truncate(FRAMES);
     let folder = tempfile::tempdir()?;
     let resolutions: Vec<usize> = resolutions.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
@@ -35,7 +36,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         };
         let began = Instant::now();
         let canonical =
-            avatar.extract_canonical(&BodyModel::canonical_parameters(&avatar.subject.betas), resolution)?;
+            avatar.extract_canonical(&avatar.subject.skeleton.canonical_pose(&avatar.subject.betas), resolution)?;
         show("canonical", began, 1, canonical.mesh.vertices.len());
 
         let began = Instant::now();

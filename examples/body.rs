@@ -7,7 +7,7 @@
 
 use std::path::{Path, PathBuf};
 
-use xavatar::body::{BodyModel, BodyParameters, JOINT_NAMES, PartLabels};
+use xavatar::body::{BodyModel, PartLabels};
 use xavatar::formats::{Array, write_npz};
 use xavatar::mesh::write_ply;
 use xavatar::synthetic::BuiltInSubject;
@@ -23,11 +23,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // The path is what messages name; `BodyModel::load` reads a file instead.
     let body = BodyModel::from_arrays(Path::new("taller"), &arrays)?;
     // Without label files, a vertex belongs to the part whose bones move it most.
-    let labels = PartLabels::from_skinning_weights(body.skinning_weights());
+    let labels = PartLabels::from_skinning_weights(&body);
     println!("{} vertices, {} part labels", body.vertex_count(), labels.parts.len());
 
-    let posed = body.pose(&BodyParameters::default())?;
-    let head = JOINT_NAMES.iter().position(|name| *name == "head").ok_or("no such joint")?;
+    let posed = body.pose(&body.skeleton().rest_pose())?;
+    let head = body.skeleton().joint("head").ok_or("no such joint")?;
     println!("the head turns about {:.2}", posed.joints[head]);
     write_ply(&out, &body.mesh(posed.vertices))?;
     // Other verbs take such a file as --body.

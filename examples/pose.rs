@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use glam::Vec3;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
-use xavatar::body::{BodyParameters, JOINT_NAMES, PoseAxisAngle};
+use xavatar::body::PoseAxisAngle;
 use xavatar::mesh::write_ply;
 use xavatar::synthetic::BuiltInSubject;
 
@@ -19,11 +19,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let subject = BuiltInSubject::new()?;
 
     // The T-pose, with the left arm raised by half a right angle and the mouth open. Rotations are axis times angle, radians.
-    let mut pose = BodyParameters::default();
-    let shoulder = JOINT_NAMES.iter().position(|name| *name == "left_shoulder").ok_or("no such joint")?;
-    // The body's pose begins with joint 1: the root turns by `global_orient`.
-    pose.body_pose[shoulder - 1] = PoseAxisAngle(Vec3::Z * std::f32::consts::FRAC_PI_4);
-    pose.jaw_pose = PoseAxisAngle(Vec3::X * 0.2);
+    let skeleton = &avatar.subject.skeleton;
+    let joint = |name: &str| skeleton.joint(name).ok_or("no such joint");
+    let (shoulder, jaw) = (joint("left_shoulder")?, joint("jaw")?);
+    let mut pose = skeleton.rest_pose();
+    pose.rotations[shoulder] = PoseAxisAngle(Vec3::Z * std::f32::consts::FRAC_PI_4);
+    pose.rotations[jaw] = PoseAxisAngle(Vec3::X * 0.2);
 
     // Searches canonical correspondences of every lattice point: the union of all, without hidden surfaces.
     let animator = Animator::new(&avatar, subject.model(), subject.part_labels())?;
@@ -34,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // One canonical mesh, skinned to each pose: fast, and the same faces in every frame.
     let topology = FixedTopology::new(&avatar, subject.model(), 96)?;
     for degrees in [0.0_f32, 30.0, 60.0] {
-        pose.body_pose[shoulder - 1] = PoseAxisAngle(Vec3::Z * degrees.to_radians());
+        pose.rotations[shoulder] = PoseAxisAngle(Vec3::Z * degrees.to_radians());
         let highest = topology.pose(&pose)?.vertices.iter().map(|vertex| vertex.y).fold(f32::MIN, f32::max);
         println!("arm at {degrees:2} degrees: {highest:.2} m high");
     }

@@ -6,17 +6,15 @@
 use std::path::PathBuf;
 
 use xavatar::avatar::Avatar;
-use xavatar::body::{BodyModel, JOINT_NAMES};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let avatar = Avatar::load(&PathBuf::from(std::env::args().nth(1).ok_or("give an avatar")?))?;
-    let canonical = BodyModel::canonical_parameters(&avatar.subject.betas);
+    let skeleton = &avatar.subject.skeleton;
+    let canonical = skeleton.canonical_pose(&avatar.subject.betas);
 
     // Canonical space is the body in its canonical pose, metres; its joints are in the avatar.
-    let joints: Vec<usize> = ["pelvis", "head", "left_knee", "right_wrist"]
-        .iter()
-        .filter_map(|name| JOINT_NAMES.iter().position(|known| known == name))
-        .collect();
+    let joints: Vec<usize> =
+        ["pelvis", "head", "left_knee", "right_wrist"].iter().filter_map(|name| skeleton.joint(name)).collect();
     let points: Vec<_> = joints.iter().map(|joint| avatar.subject.joints[*joint]).collect();
 
     println!("{:?}", avatar.fields.geometry.representation);
@@ -29,11 +27,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             .fold((0, 0.0), |best, (bone, weight)| if weight > best.1 { (bone, weight) } else { best });
         println!(
             "at the {:<12} value {:6.3}  normal {:5.2}  colour {:?}  follows the {} by {:.0} %",
-            JOINT_NAMES[*joint],
+            skeleton.joints[*joint],
             sample.value,
             sample.normal,
             sample.colour,
-            JOINT_NAMES[bone],
+            skeleton.joints[bone],
             100.0 * weight
         );
     }

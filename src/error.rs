@@ -1,6 +1,6 @@
 //! What can go wrong, as data: each variant names the thing, what was found, and the remedy.
 
-use xavatar_formats::{Error as InputError, Shown};
+use xavatar_formats::{Choice, Error as InputError, Remedy, Shown};
 use xavatar_mesh::ExtractionError;
 
 /// Result of every fallible call of this library.
@@ -31,7 +31,7 @@ pub enum Error {
     },
     /// The field has no surface inside the box that was searched.
     #[error(
-        "the field has no surface: its values range from {minimum} to {maximum}, the surface is at {level}; train longer or check the data with `xavatar check`"
+        "the field has no surface: its values range from {minimum} to {maximum}, the surface is at {level}; train longer, or check the data"
     )]
     NoSurface {
         /// Smallest value seen.
@@ -43,7 +43,7 @@ pub enum Error {
     },
     /// A loss or gradient stopped being a number.
     #[error(
-        "{what} became non-finite at step {step}, frame {frame}; the last checkpoint is kept, resume with a smaller learning rate (--set optimiser.learning_rate=...)",
+        "{what} became non-finite at step {step}, frame {frame}; the last checkpoint is kept: continue it with a smaller learning rate",
         frame = Shown(frame)
     )]
     NonFinite {
@@ -63,6 +63,17 @@ pub enum Error {
 }
 
 impl Error {
+    /// The choice of the caller that would help, where there is one.
+    pub fn choice(&self) -> Option<Choice> {
+        match self {
+            Self::Input(error) => error.remedy().and_then(Remedy::choice),
+            Self::Frame { source, .. } => source.choice(),
+            Self::NoSurface { .. } => Some(Choice::CheckData),
+            Self::NonFinite { .. } => Some(Choice::LearningRate),
+            Self::UnknownSetting { .. } | Self::Network(_) | Self::Deformer(_) => None,
+        }
+    }
+
     /// Names the frame in which `self` happened.
     #[must_use]
     pub fn in_frame(self, frame: impl Into<String>) -> Self {

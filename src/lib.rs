@@ -19,7 +19,7 @@
 //!
 //! # Correspondence: x_d = sum_i w_i(x_c) B_i x_c
 //!
-//! [`correspondence::PosedField`] searches all x_c of a posed point, from the bones of its part ([`correspondence::start_groups`]), with
+//! [`fields::PosedField`] searches all x_c of a posed point, from the bones of its part ([`fields::start_groups`]), with
 //! [`xavatar_deformer`]: Broyden's method, on the field itself or on one baked on a grid. A point may have several: occupancy is the
 //! largest of theirs, distance the smallest. Gradients reach the skinning field through the implicit function theorem.
 //!
@@ -56,10 +56,10 @@
 //!
 //! Points and joints are in metres, rotations in radians, Y is up and the subject faces +Z.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 pub mod avatar;
-pub mod canonical_grid;
 pub mod config;
-pub mod correspondence;
 mod error;
 pub mod evaluate;
 pub mod export;

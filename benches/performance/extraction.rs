@@ -3,7 +3,6 @@
 use std::sync::atomic::AtomicBool;
 
 use xavatar::avatar::{Animator, FixedTopology};
-use xavatar::body::BodyModel;
 use xavatar::config::Config;
 use xavatar::machine::Seconds;
 use xavatar::synthetic::{BuiltInSubject, Split};
@@ -26,14 +25,14 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
     let mut trainer =
         Trainer::start(&config, TrainingFrames::Scans(&source), model, labels, folder.path(), &mut timings)?;
     trainer.run(&AtomicBool::new(false), &mut timings)?;
-    let avatar = trainer.avatar();
-    let canonical = BodyModel::canonical_parameters(&avatar.subject.betas);
+    let avatar = trainer.avatar()?;
+    let canonical = avatar.subject.skeleton.canonical_pose(&avatar.subject.betas);
     for (resolution, repeats) in [(128, 5), (256, 5), (512, 3)] {
         avatar.extract_canonical(&canonical, resolution)?;
         let seconds = Seconds::of(repeats, || drop(avatar.extract_canonical(&canonical, resolution)));
         report.seconds(&format!("extract_fast_{resolution}_s"), &seconds);
     }
-    let pose = source.frames()[0].parameters.clone();
+    let pose = model.resolve(&source.frames()[0].parameters)?;
     let animator = Animator::new(&avatar, model, labels)?;
     animator.extract(&pose, 256)?;
     report.seconds("animate_fast_256_s", &Seconds::of(3, || drop(animator.extract(&pose, 256))));

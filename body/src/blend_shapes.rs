@@ -12,16 +12,16 @@ const VERTICES_PER_TASK: usize = 1024;
 /// Columns taken at once: two cache lines of the file's row.
 const COLUMNS_PER_PASS: usize = 16;
 
-/// K directions of V vertices, metres per unit of coefficient.
-#[derive(Clone, Debug)]
-pub(super) struct BlendShapes {
+/// K directions of V vertices, metres per unit of coefficient. `Default` has none.
+#[derive(Clone, Debug, Default)]
+pub struct BlendShapes {
     /// (K) rows of (V, 3); empty where a direction moves nothing.
     directions: Vec<Vec<f32>>,
 }
 
 impl BlendShapes {
-    /// Takes `columns` of the file's (V, 3, `stride`) array.
-    pub(super) fn from_columns<T>(values: &[T], stride: usize, columns: impl Iterator<Item = usize>) -> Self
+    /// Takes `columns` of a file's (V, 3, `stride`) array.
+    pub fn from_columns<T>(values: &[T], stride: usize, columns: impl Iterator<Item = usize>) -> Self
     where
         T: Copy + Sync + Into<f64>,
     {
@@ -39,6 +39,21 @@ impl BlendShapes {
             })
             .collect();
         Self { directions }
+    }
+
+    /// K.
+    pub fn count(&self) -> usize {
+        self.directions.len()
+    }
+
+    /// The directions (K) of (V, 3) numbers; empty where one moves nothing.
+    pub(super) fn directions(&self) -> impl Iterator<Item = &[f32]> {
+        self.directions.iter().map(Vec::as_slice)
+    }
+
+    /// V, as far as the directions say: none if all of them move nothing.
+    pub(super) fn vertices(&self) -> Option<usize> {
+        self.directions.iter().find(|direction| !direction.is_empty()).map(|direction| direction.len() / 3)
     }
 
     /// Adds the combination given by `coefficients` (K) to `vertices` (V).

@@ -1,23 +1,45 @@
-//! Explicit body models: SMPL-X parameters to joints, bone transforms and vertices (thesis ch. 4.1).
+//! Explicit body models: a pose of a skeleton to joints, bone transforms and vertices (thesis ch. 4.1).
+//!
+//! A [`Skeleton`] is data: joints, tree, parts, canonical pose. A [`BodyModel`] has one, with the template, weights and blend shapes
+//! of its file, and takes a [`Pose`]. Each family of models is a file in [`families`]; what it alone knows, the layout of its
+//! files, its joints' numbers, its hand conventions ([`smplx::Parameters`]), stays there.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+mod anatomy;
+mod batch;
 mod blend_shapes;
 mod bones;
+mod families;
 mod gender;
+mod hands;
+mod influences;
 mod model;
 mod model_file;
 mod parameters;
 mod part_files;
+mod part_labels;
 mod parts;
+mod pose;
 mod posing;
 mod registration;
 mod skeleton;
+mod transfer;
 
-pub use bones::{Bone, joint_weights};
+pub use anatomy::{Anatomy, Correctives, JointBasis};
+pub use batch::{PoseBatch, PosedBatch};
+pub use blend_shapes::BlendShapes;
+pub use bones::Bone;
+pub use families::{flame, mano, smpl, smplh, smplx};
 pub use gender::Gender;
-pub use model::BodyModel;
-pub use parameters::{BodyParameters, HandPose, PoseAxisAngle};
-pub use parts::{FULL_GROUP, Part, PartLabelSource, PartLabels};
+pub use hands::{Fingers, HandPose, HandSpace};
+pub use model::{BodyModel, Coefficients};
+pub use parameters::BodyParameters;
+pub use part_labels::{PartLabelSource, PartLabels};
+pub use parts::{Detail, Part, PartGroup, Role};
+pub use pose::{Pose, PoseAxisAngle};
 pub use posing::PosedBody;
 pub use posing::skin;
 pub use registration::Registration;
-pub use skeleton::{JOINT_NAMES, JOINTS, PARENTS};
+pub use skeleton::Skeleton;
+pub use transfer::Transferred;

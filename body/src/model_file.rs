@@ -1,42 +1,74 @@
-//! Checked access to the arrays of an SMPL-X model file: every shape, index and number is verified before it is used.
+//! Checked access to the arrays of a body model's file: every shape, index and number is verified before it is used.
 //!
-//! Errors name the file and the key; a model of another family is recognised by its skeleton and named.
+//! Errors name the file and the key. V vertices, J joints.
 
 use std::path::Path;
 
-use super::skeleton::{JOINTS, PARENTS};
+use glam::{DVec3, Vec3};
+
+use super::hands::HAND_COMPONENTS;
+use super::{BlendShapes, Coefficients, HandSpace, JointBasis};
 use xavatar_formats::{Array, ArrayMap};
 use xavatar_formats::{Error, Result};
 
-/// How far a convex combination read from a file may sum from 1: f32 rounding over 55 joints, with a margin.
+/// How far a convex combination read from a file may sum from 1: f32 rounding over the joints, with a margin.
 const SUM_TOLERANCE: f64 = 1e-4;
 
 /// The arrays of a model file and where they came from.
 pub(super) struct ModelFile<'a> {
     pub(super) path: &'a Path,
     pub(super) arrays: &'a ArrayMap,
+    /// What the file is called in messages: `SMPL-X model`.
+    pub(super) format: &'static str,
 }
 
 impl ModelFile<'_> {
-    /// Recognises what is not SMPL-X by its number of joints, before anything else fails on it.
-    pub(super) fn require_smplx(&self) -> Result<()> {
-        let joints = match self.arrays.get("kintree_table").or_else(|| self.arrays.get("weights")) {
-            Some(array) => array.shape.get(1).copied().unwrap_or(0),
-            None => return Err(self.malformed("kintree_table", "absent", format!("(2, {JOINTS})"))),
+    /// J, by which families are told apart; none if no array says it.
+    pub(super) fn joints(&self) -> Option<usize> {
+        let tree = self.arrays.get("kintree_table").or_else(|| self.arrays.get("weights"))?;
+        Some(tree.shape.get(1).copied().unwrap_or(0))
+    }
+
+    /// V; none if there is no template.
+    pub(super) fn vertices(&self) -> Option<usize> {
+        self.shape("v_template")?.first().copied()
+    }
+
+    /// The extents of an array; none if it is absent.
+    pub(super) fn shape(&self, key: &str) -> Option<&[usize]> {
+        self.arrays.get(key).map(|array| array.shape.as_slice())
+    }
+
+    /// The last extent of an array.
+    pub(super) fn columns(&self, key: &str) -> Option<usize> {
+        self.shape(key)?.last().copied()
+    }
+
+    /// How many columns of `shapedirs` are used: `usual`, or all that there are.
+    pub(super) fn used_columns(&self, usual: usize, coefficients: Coefficients) -> Result<usize> {
+        let found = self.columns("shapedirs").ok_or_else(|| self.malformed("shapedirs", "absent", "(V, 3, shapes)"))?;
+        match coefficients {
+            Coefficients::All => Ok(found),
+            Coefficients::Usual if found >= usual => Ok(usual),
+            Coefficients::Usual => {
+                Err(self.malformed("shapedirs", format!("{found} columns"), format!("at least {usual}")))
+            }
+        }
+    }
+
+    /// The parent of each joint (J), from a tree whose joints come after their parents.
+    pub(super) fn kinematic_tree(&self) -> Result<Vec<Option<usize>>> {
+        let (values, shape) = self.floats("kintree_table", &[2, 0])?;
+        let joints = shape[1];
+        let parent = |joint: usize| {
+            let value = values[joint];
+            if value >= 0.0 && value < joint as f64 && value.fract() == 0.0 {
+                return Ok(Some(value as usize));
+            }
+            let place = format!("kintree_table[0][{joint}]");
+            Err(self.malformed(&place, value.to_string(), format!("a joint below {joint}")))
         };
-        let family = match joints {
-            JOINTS => return Ok(()),
-            24 => "an SMPL model (24 joints, no hands or face)",
-            52 => "an SMPL+H model (52 joints, no face)",
-            16 => "a MANO model (16 joints, one hand)",
-            5 => "a FLAME model (5 joints, the head)",
-            _ => &format!("a model with {joints} joints"),
-        };
-        Err(self.mismatch(
-            family,
-            format!("an SMPL-X model ({JOINTS} joints)"),
-            "download SMPLX_{GENDER}.npz from https://smpl-x.is.tue.mpg.de",
-        ))
+        std::iter::once(Ok(None)).chain((1..joints).map(parent)).collect()
     }
 
     /// The finite numbers of `key`, whose shape has to be `shape` (0 = any extent), and that shape.
@@ -54,6 +86,11 @@ impl ModelFile<'_> {
         let values = array.to_f32().ok_or_else(|| self.malformed(key, "text", "numbers"))?;
         self.require_sound(key, array, values.iter().copied())?;
         Ok(values)
+    }
+
+    /// The extents of an array, which have to be `shape` (0 = any).
+    pub(super) fn extents(&self, key: &str, shape: &[usize]) -> Result<&[usize]> {
+        Ok(&self.array(key, shape)?.shape)
     }
 
     fn array(&self, key: &str, shape: &[usize]) -> Result<&Array> {
@@ -89,18 +126,19 @@ impl ModelFile<'_> {
         Ok(values.chunks_exact(3).map(|face| [face[0] as u32, face[1] as u32, face[2] as u32]).collect())
     }
 
-    /// Requires the kinematic tree to be SMPL-X's; the root's parent is any number.
-    pub(super) fn require_kinematic_tree(&self) -> Result<()> {
-        let (values, _) = self.floats("kintree_table", &[2, JOINTS])?;
-        let (parents, ids) = values.split_at(JOINTS);
-        for joint in 0..JOINTS {
+    /// Requires the kinematic tree of `family` with these parents (J); the root's parent is any number.
+    pub(super) fn require_kinematic_tree(&self, expected: &[Option<usize>], family: &str) -> Result<()> {
+        let joints = expected.len();
+        let (values, _) = self.floats("kintree_table", &[2, joints])?;
+        let (parents, ids) = values.split_at(joints);
+        for joint in 0..joints {
             if ids[joint] != joint as f64 {
                 let place = format!("kintree_table[1][{joint}]");
                 return Err(self.malformed(&place, ids[joint].to_string(), joint.to_string()));
             }
-            if joint > 0 && parents[joint] != PARENTS[joint] as f64 {
+            if let Some(parent) = expected[joint].filter(|parent| parents[joint] != *parent as f64) {
                 let place = format!("kintree_table[0][{joint}]");
-                let expected = format!("{} (the parent in SMPL-X)", PARENTS[joint]);
+                let expected = format!("{parent} (the parent in {family})");
                 return Err(self.malformed(&place, parents[joint].to_string(), expected));
             }
         }
@@ -108,9 +146,9 @@ impl ModelFile<'_> {
     }
 
     /// Skinning weights (V, J): non-negative, each row summing to 1.
-    pub(super) fn skinning_weights(&self, vertices: usize) -> Result<Vec<f32>> {
-        let (values, _) = self.floats("weights", &[vertices, JOINTS])?;
-        for (vertex, row) in values.chunks_exact(JOINTS).enumerate() {
+    pub(super) fn skinning_weights(&self, vertices: usize, joints: usize) -> Result<Vec<f32>> {
+        let (values, _) = self.floats("weights", &[vertices, joints])?;
+        for (vertex, row) in values.chunks_exact(joints).enumerate() {
             let sum: f64 = row.iter().sum();
             if (sum - 1.0).abs() > SUM_TOLERANCE || row.iter().any(|weight| *weight < -SUM_TOLERANCE) {
                 let found =
@@ -122,8 +160,8 @@ impl ModelFile<'_> {
     }
 
     /// The regressor of joints from vertices as (vertex, weight) of each joint, each summing to 1.
-    pub(super) fn joint_regressor(&self, vertices: usize) -> Result<Vec<Vec<(usize, f64)>>> {
-        let (values, _) = self.floats("J_regressor", &[JOINTS, vertices])?;
+    pub(super) fn joint_regressor(&self, vertices: usize, joints: usize) -> Result<JointRegressor> {
+        let (values, _) = self.floats("J_regressor", &[joints, vertices])?;
         let rows: Vec<Vec<(usize, f64)>> = values
             .chunks_exact(vertices)
             .map(|row| row.iter().copied().enumerate().filter(|(_, weight)| *weight != 0.0).collect())
@@ -138,14 +176,38 @@ impl ModelFile<'_> {
                 ));
             }
         }
-        Ok(rows)
+        Ok(JointRegressor { rows })
     }
 
-    /// That the file breaks the SMPL-X format at `place`.
+    /// The template `v_template` (V, 3), at least one vertex.
+    pub(super) fn template(&self) -> Result<Vec<f64>> {
+        let (template, shape) = self.floats("v_template", &[0, 3])?;
+        match shape[0] {
+            0 => Err(self.malformed("v_template", "empty", "at least one vertex")),
+            _ => Ok(template),
+        }
+    }
+
+    /// The pose correctives `posedirs` (V, 3, F) or (3 V, F).
+    pub(super) fn correctives(&self, vertices: usize, features: usize) -> Result<BlendShapes> {
+        let is_flat = self.shape("posedirs").is_some_and(|shape| shape.len() == 2);
+        let shape: &[usize] = if is_flat { &[3 * vertices, features] } else { &[vertices, 3, features] };
+        Ok(BlendShapes::from_columns(&self.floats_f32("posedirs", shape)?, features, 0..features))
+    }
+
+    /// The pose space of one hand.
+    pub(super) fn hand_space(&self, mean: &str, components: &str) -> Result<HandSpace> {
+        let row = |values: &[f64]| std::array::from_fn(|component| values[component] as f32);
+        let (mean, _) = self.floats(mean, &[HAND_COMPONENTS])?;
+        let (components, _) = self.floats(components, &[0, HAND_COMPONENTS])?;
+        Ok(HandSpace { mean: row(&mean), components: components.chunks_exact(HAND_COMPONENTS).map(row).collect() })
+    }
+
+    /// That the file breaks its format at `place`.
     pub(super) fn malformed(&self, place: &str, found: impl Into<String>, expected: impl Into<String>) -> Error {
         Error::Malformed {
             path: self.path.to_path_buf(),
-            format: "SMPL-X model",
+            format: self.format,
             place: place.into(),
             found: found.into(),
             expected: expected.into(),
@@ -157,6 +219,42 @@ impl ModelFile<'_> {
         let path = self.path.to_path_buf();
         Error::Mismatch { path, found: found.into(), expected: expected.into(), remedy: remedy.into() }
     }
+}
+
+/// Joints as weighted means of vertices: (vertex, weight) of each joint (J).
+pub(super) struct JointRegressor {
+    rows: Vec<Vec<(usize, f64)>>,
+}
+
+impl JointRegressor {
+    /// The joints of the `template` (V, 3) and of `columns` of the shape `directions` (V, 3, `stride`).
+    pub(super) fn basis(
+        &self,
+        template: &[f64],
+        directions: &[f64],
+        stride: usize,
+        columns: impl Iterator<Item = usize>,
+    ) -> JointBasis {
+        let column = |column: usize| self.regress(|vertex, axis| directions[(vertex * 3 + axis) * stride + column]);
+        JointBasis {
+            template: self.regress(|vertex, axis| template[vertex * 3 + axis]),
+            directions: columns.map(column).collect(),
+        }
+    }
+
+    /// The joints (J) of a field over vertices, in f64 as in the reference.
+    fn regress(&self, value: impl Fn(usize, usize) -> f64) -> Vec<DVec3> {
+        let joint = |row: &Vec<(usize, f64)>| {
+            let axis = |axis| row.iter().map(|(vertex, weight)| weight * value(*vertex, axis)).sum::<f64>();
+            DVec3::new(axis(0), axis(1), axis(2))
+        };
+        self.rows.iter().map(joint).collect()
+    }
+}
+
+/// Points of f64 rows as vectors.
+pub(super) fn points(rows: &[f64]) -> Vec<Vec3> {
+    rows.chunks_exact(3).map(|point| Vec3::new(point[0] as f32, point[1] as f32, point[2] as f32)).collect()
 }
 
 fn shape_text(shape: &[usize]) -> String {

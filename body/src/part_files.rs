@@ -1,12 +1,13 @@
 //! Part labels from the files that people keep beside a body model.
 //!
-//! X-Avatar's `{non_,}watertight_{gender}_vertex_labels.pkl`: index arrays `body`, `left_hand`, `right_hand`, `face`,
-//! `eyes_mouth` that cover all V vertices. Official: `MANO_SMPLX_vertex_ids.pkl` (`left_hand`, `right_hand`) and
-//! `SMPL-X__FLAME_vertex_ids.npy` (the head). Where lists overlap, hands win over the face, the face over the body.
+//! X-Avatar's `{non_,}watertight_{gender}_vertex_labels.pkl`: index arrays named as the skeleton's parts and their details (for
+//! SMPL-X `body`, `face`, `eyes_mouth`, `left_hand`, `right_hand`) that cover all V vertices. Official: `MANO_SMPLX_vertex_ids.pkl`
+//! (`left_hand`, `right_hand`) and `SMPL-X__FLAME_vertex_ids.npy` (the head). Where lists overlap, a later part wins: hands over
+//! the face, the face over the body.
 
 use std::path::{Path, PathBuf};
 
-use super::{BodyModel, Gender, Part, PartLabelSource, PartLabels};
+use super::{BodyModel, Gender, Part, PartLabelSource, PartLabels, Role, Skeleton};
 use xavatar_formats::{Array, ArrayData, ArrayMap, read_npy, read_pickle_arrays};
 use xavatar_formats::{Error, Result};
 
@@ -22,31 +23,35 @@ impl PartLabels {
     pub fn find(model: &BodyModel) -> Result<Self> {
         let folder = model.path().parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if let Some(path) = vertex_labels_in(folder, Gender::of_file_name(model.path())) {
-            return Self::from_vertex_labels(&path, &read_pickle_arrays(&path)?, model.vertex_count());
+            return Self::from_vertex_labels(
+                &path,
+                &read_pickle_arrays(&path)?,
+                model.skeleton(),
+                model.vertex_count(),
+            );
         }
         let (mano, flame) = (folder.join(MANO_IDS), folder.join(FLAME_IDS));
-        let mut labels = Self::from_skinning_weights(model.skinning_weights());
+        let mut labels = Self::from_skinning_weights(model);
         if mano.is_file() && flame.is_file() {
-            labels.use_mano_and_flame((&mano, &read_pickle_arrays(&mano)?), (&flame, &read_npy(&flame)?))?;
+            let (mano, flame) = ((mano.as_path(), &read_pickle_arrays(&mano)?), (flame.as_path(), &read_npy(&flame)?));
+            labels.use_mano_and_flame(model.skeleton(), mano, flame)?;
             labels.source = PartLabelSource::ManoAndFlame(folder.to_path_buf());
         }
         Ok(labels)
     }
 
-    /// The labels of X-Avatar's dictionary for a model of V `vertices`.
+    /// The labels of X-Avatar's dictionary for a model of this skeleton with V `vertices`.
     ///
     /// # Errors
     /// [`Error::Malformed`] for a missing list, an index out of range, or vertices that no list has.
-    pub fn from_vertex_labels(path: &Path, arrays: &ArrayMap, vertices: usize) -> Result<Self> {
+    pub fn from_vertex_labels(path: &Path, arrays: &ArrayMap, skeleton: &Skeleton, vertices: usize) -> Result<Self> {
         let mut parts = vec![None; vertices];
-        let mut eyes_mouth = vec![false; vertices];
-        let lists = [("body", Part::Body), ("face", Part::Face), ("eyes_mouth", Part::Face)];
-        let hands = [("left_hand", Part::LeftHand), ("right_hand", Part::RightHand)];
-        for (key, part) in lists.into_iter().chain(hands) {
+        let mut detail = vec![false; vertices];
+        for (key, part, is_detail) in lists_of(skeleton) {
             let list = arrays.get(key).ok_or_else(|| malformed(path, key, "absent", "a list of vertices"))?;
             for vertex in vertex_indices(path, key, list, vertices)? {
                 parts[vertex as usize] = Some(part);
-                eyes_mouth[vertex as usize] = key == "eyes_mouth";
+                detail[vertex as usize] = is_detail;
             }
         }
         let unlabelled = parts.iter().filter(|part| part.is_none()).count();
@@ -59,36 +64,35 @@ impl PartLabels {
                 "a label for each vertex of the body model (is it made for another?)",
             )
         })?;
-        Ok(Self { parts, eyes_mouth, source: PartLabelSource::VertexLabels(path.to_path_buf()) })
+        Ok(Self { parts, detail, source: PartLabelSource::VertexLabels(path.to_path_buf()) })
     }
 
-    /// The dictionary that [`from_vertex_labels`](Self::from_vertex_labels) reads: five lists that share no vertex.
-    pub fn to_vertex_labels(&self) -> ArrayMap {
-        let list = |wanted: &dyn Fn(usize) -> bool| {
-            let vertices: Vec<i64> = (0..self.parts.len()).filter(|v| wanted(*v)).map(|v| v as i64).collect();
+    /// The dictionary that [`from_vertex_labels`](Self::from_vertex_labels) reads: lists that share no vertex.
+    pub fn to_vertex_labels(&self, skeleton: &Skeleton) -> ArrayMap {
+        let list = |part: Part, is_detail: bool| {
+            let wanted = |vertex: &usize| self.parts[*vertex] == part && self.detail[*vertex] == is_detail;
+            let vertices: Vec<i64> = (0..self.parts.len()).filter(wanted).map(|vertex| vertex as i64).collect();
             Array { shape: vec![vertices.len()], data: ArrayData::I64(vertices) }
         };
-        let of_part = |part: Part| list(&|vertex| self.parts[vertex] == part && !self.eyes_mouth[vertex]);
-        [
-            ("body", of_part(Part::Body)),
-            ("face", of_part(Part::Face)),
-            ("left_hand", of_part(Part::LeftHand)),
-            ("right_hand", of_part(Part::RightHand)),
-            ("eyes_mouth", list(&|vertex| self.eyes_mouth[vertex])),
-        ]
-        .into_iter()
-        .map(|(key, vertices)| (key.to_owned(), vertices))
-        .collect()
+        lists_of(skeleton).map(|(key, part, is_detail)| (key.to_owned(), list(part, is_detail))).collect()
     }
 
     /// Replaces hands and face by the official lists; eyeballs stay what the skinning weights say.
-    fn use_mano_and_flame(&mut self, mano: (&Path, &ArrayMap), flame: (&Path, &Array)) -> Result<()> {
+    fn use_mano_and_flame(
+        &mut self,
+        skeleton: &Skeleton,
+        mano: (&Path, &ArrayMap),
+        flame: (&Path, &Array),
+    ) -> Result<()> {
         let vertices = self.parts.len();
-        self.parts.fill(Part::Body);
-        for vertex in vertex_indices(flame.0, "the array", flame.1, vertices)? {
-            self.parts[vertex as usize] = Part::Face;
+        self.parts.fill(skeleton.parts_of(Role::Body).next().unwrap_or_default());
+        for face in skeleton.parts_of(Role::Face) {
+            for vertex in vertex_indices(flame.0, "the array", flame.1, vertices)? {
+                self.parts[vertex as usize] = face;
+            }
         }
-        for (key, part) in [("left_hand", Part::LeftHand), ("right_hand", Part::RightHand)] {
+        for (part, group) in skeleton.parts().filter(|(_, group)| group.role == Role::Hands) {
+            let key = &group.name;
             let list = mano.1.get(key).ok_or_else(|| malformed(mano.0, key, "absent", "a list of vertices"))?;
             for vertex in vertex_indices(mano.0, key, list, vertices)? {
                 self.parts[vertex as usize] = part;
@@ -96,6 +100,14 @@ impl PartLabels {
         }
         Ok(())
     }
+}
+
+/// The lists of a label file: each part's and its detail's, the ones that win last.
+fn lists_of(skeleton: &Skeleton) -> impl Iterator<Item = (&str, Part, bool)> {
+    skeleton.parts().flat_map(|(part, group)| {
+        let detail = group.detail.as_ref().map(|detail| (detail.name.as_str(), part, true));
+        [(group.name.as_str(), part, false)].into_iter().chain(detail)
+    })
 }
 
 /// The label file for the gender if one is stated, else the first; `non_watertight` (the model's own topology) sorts first.
@@ -130,7 +142,7 @@ fn malformed(path: &Path, place: &str, found: impl Into<String>, expected: impl 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::JOINTS;
+    use crate::families::smplx::{self, tests::model_of_weights};
 
     fn list(indices: &[i64]) -> Array {
         Array { shape: vec![indices.len()], data: ArrayData::I64(indices.to_vec()) }
@@ -144,18 +156,20 @@ mod tests {
 
     #[test]
     fn eyes_and_mouth_are_face() {
-        let labels = PartLabels::from_vertex_labels(Path::new("a.pkl"), &lists(), 7).unwrap();
-        use Part::{Body, Face, LeftHand, RightHand};
-        assert_eq!(labels.parts, [Body, Body, Face, Face, Face, LeftHand, RightHand]);
-        assert_eq!(labels.eyes_mouth, [false, false, false, false, true, false, false]);
-        assert_eq!(labels.vertices_of(Face), [2, 3, 4]);
-        assert_eq!(labels.to_vertex_labels(), lists());
+        let labels = PartLabels::from_vertex_labels(Path::new("a.pkl"), &lists(), smplx::skeleton(), 7).unwrap();
+        let [body, face, left, right] = [0, 1, 2, 3].map(Part);
+        assert_eq!(labels.parts, [body, body, face, face, face, left, right]);
+        assert_eq!(labels.detail, [false, false, false, false, true, false, false]);
+        assert_eq!(labels.vertices_of(face), [2, 3, 4]);
+        assert_eq!(labels.to_vertex_labels(smplx::skeleton()), lists());
     }
 
     #[test]
     fn labels_of_another_model_are_refused() {
         let refused = |lists: &ArrayMap, vertices| {
-            PartLabels::from_vertex_labels(Path::new("a.pkl"), lists, vertices).unwrap_err().to_string()
+            PartLabels::from_vertex_labels(Path::new("a.pkl"), lists, smplx::skeleton(), vertices)
+                .unwrap_err()
+                .to_string()
         };
         assert!(refused(&lists(), 6).contains("right_hand is integer (1), expected vertex indices below 6"));
         assert!(refused(&lists(), 9).contains("without a label for 2 of 9"));
@@ -169,15 +183,17 @@ mod tests {
     // Official lists overlap at the neck and the wrists.
     #[test]
     fn hands_win_over_the_face_and_the_face_over_the_body() {
-        let mut weights = vec![0.0; 4 * JOINTS];
-        [9, 15, 20, 23].into_iter().enumerate().for_each(|(vertex, joint)| weights[vertex * JOINTS + joint] = 1.0);
-        let mut labels = PartLabels::from_skinning_weights(&weights);
+        let skeleton = smplx::skeleton();
+        let joints = skeleton.joints.len();
+        let mut weights = vec![0.0; 4 * joints];
+        [9, 15, 20, 23].into_iter().enumerate().for_each(|(vertex, joint)| weights[vertex * joints + joint] = 1.0);
+        let mut labels = PartLabels::from_skinning_weights(&model_of_weights(weights));
         let mano = [("left_hand".to_owned(), list(&[2])), ("right_hand".to_owned(), list(&[]))].into_iter().collect();
         let (mano_path, flame_path) = (Path::new(MANO_IDS), Path::new(FLAME_IDS));
-        labels.use_mano_and_flame((mano_path, &mano), (flame_path, &list(&[0, 2, 3]))).unwrap();
-        assert_eq!(labels.parts, [Part::Face, Part::Body, Part::LeftHand, Part::Face]);
-        assert_eq!(labels.eyes_mouth, [false, false, false, true]);
-        assert!(labels.use_mano_and_flame((mano_path, &mano), (flame_path, &list(&[4]))).is_err());
+        labels.use_mano_and_flame(skeleton, (mano_path, &mano), (flame_path, &list(&[0, 2, 3]))).unwrap();
+        assert_eq!(labels.parts, [1, 0, 2, 1].map(Part));
+        assert_eq!(labels.detail, [false, false, false, true]);
+        assert!(labels.use_mano_and_flame(skeleton, (mano_path, &mano), (flame_path, &list(&[4]))).is_err());
     }
 
     #[test]

@@ -55,8 +55,8 @@ mod tests {
     use crate::PartLabelSource;
 
     fn labels(count: usize) -> PartLabels {
-        let parts = (0..count).map(|vertex| Part::ALL[vertex % 4]).collect();
-        PartLabels { parts, eyes_mouth: vec![false; count], source: PartLabelSource::SkinningWeights }
+        let parts = (0..count).map(|vertex| Part(vertex as u8 % 4)).collect();
+        PartLabels { parts, detail: vec![false; count], source: PartLabelSource::SkinningWeights }
     }
 
     #[test]

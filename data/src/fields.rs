@@ -30,13 +30,18 @@ impl Fields<'_> {
         })
     }
 
-    /// The finite numbers of an array of `N` elements, whatever their arrangement: (N), (1, N), (N/3, 3).
-    pub(super) fn vector<const N: usize>(&self, key: &str) -> Result<[f32; N]> {
+    /// The finite numbers of an array of `count` elements, whatever their arrangement: (N), (1, N), (N/3, 3).
+    pub(super) fn numbers(&self, key: &str, count: usize) -> Result<Vec<f32>> {
         let array = self.array(key)?;
-        let wrong = || self.malformed(key, array.description(), format_args!("{N} numbers"));
+        let wrong = || self.malformed(key, array.description(), format_args!("{count} numbers"));
         let values = array.to_f32().ok_or_else(wrong)?;
         self.check_finite(key, &values)?;
-        values.try_into().map_err(|_| wrong())
+        if values.len() == count { Ok(values) } else { Err(wrong()) }
+    }
+
+    /// As [`numbers`](Self::numbers), of an array of one element.
+    pub(super) fn number(&self, key: &str) -> Result<f32> {
+        Ok(self.numbers(key, 1)?[0])
     }
 
     /// The finite numbers of an array of shape (rows, `width`).

@@ -1,28 +1,38 @@
-//! What users have, as typed frames: X-Humans subjects, motions, body-model files.
+//! What users have, as typed frames: subjects' scans and pictures with their registrations, motions.
 //!
 //! Files -> arrays -> frames. Nothing here knows about training.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 mod check;
 mod fields;
+mod json;
 mod motion;
+mod notes;
+mod placement;
 mod rgbd;
+mod subject;
 mod xhumans;
 
-pub use check::{CheckReport, DistanceReport, HandReport, SequenceReport, UnusableFrame, check};
-pub use motion::{
-    Clip, Coordinates, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
+pub use check::{
+    CheckReport, CheckedFrames, Defect, DistanceReport, Finding, HandReport, SequenceReport, UnusableFrame, check,
 };
+pub use motion::{
+    Clip, Coordinates, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, Warning, read_motion,
+    write_motion,
+};
+pub use notes::FrameNotes;
+pub use placement::{Origin, ScanPlacement};
 pub use rgbd::{
     BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,
-    RgbdFrame, RgbdFrames, RgbdLayout, RgbdSource, RgbdSubject, check_rgbd, read_depth, write_depth,
+    RgbdFrame, RgbdFrames, RgbdLayout, RgbdSource, RgbdSubject, check_rgbd, parse_depth, read_depth, write_depth,
     write_rgbd_subject,
 };
-pub use xhumans::{Subject, read_frame, write_subject};
-
-use std::path::PathBuf;
+pub use subject::{FrameFile, FrameFiles, HandZero, Layout, Subject, read_frame};
+pub use xhumans::write_subject;
 
 use xavatar_body::BodyParameters;
-use xavatar_mesh::TriangleMesh;
+use xavatar_mesh::{Note, TriangleMesh};
 
 /// Where a frame stands in its subject, displayed as `train/Take1/f00001`.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -41,19 +51,6 @@ impl std::fmt::Display for FrameId {
     }
 }
 
-/// A frame that exists on disk but is not read yet.
-#[derive(Clone, Debug)]
-pub struct FrameFiles {
-    /// Which frame.
-    pub id: FrameId,
-    /// The scan: `meshes_pkl/mesh-fXXXXX.pkl` or `meshes_ply/mesh-fXXXXX.ply`.
-    pub scan: PathBuf,
-    /// The texture atlas of a raw scan.
-    pub atlas: Option<PathBuf>,
-    /// The registration's parameters.
-    pub parameters: PathBuf,
-}
-
 /// The frames of one split of a subject, in order, read on demand.
 pub trait FrameSource: Sync {
     /// The frames there are.
@@ -66,19 +63,21 @@ pub trait FrameSource: Sync {
     fn read(&self, index: usize) -> xavatar_formats::Result<ScanFrame>;
 
     /// The subject's shape.
-    fn betas(&self) -> [f32; 10];
+    fn betas(&self) -> &[f32];
 
     /// The subject's gender.
     fn gender(&self) -> xavatar_body::Gender;
 }
 
-/// A frame in memory: a coloured scan and the SMPL-X parameters registered to it.
+/// A frame in memory: a coloured scan and the body registered to it.
 #[derive(Clone, Debug)]
 pub struct ScanFrame {
     /// Which frame.
     pub id: FrameId,
     /// The scan in world coordinates (the registration's `transl` not subtracted), metres.
     pub scan: TriangleMesh,
-    /// Parameters; `betas` already replaced by the subject's mean shape.
+    /// Its parameters; the shape is the subject's mean shape.
     pub parameters: BodyParameters,
+    /// What the scan's file says that is not in `scan`.
+    pub notes: Vec<Note>,
 }

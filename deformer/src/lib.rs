@@ -16,41 +16,18 @@
 //! Points, transforms and weights are flat batches: N points, I starts, J bones; metres.
 
 mod affine;
-mod axis;
-mod baked;
-mod baked_warp;
-mod broyden;
-mod broyden_lanes;
-mod candidates;
 mod error;
 mod grid;
-mod groups;
-mod implicit;
-mod normals;
-mod plan;
 mod search;
-mod skinning;
-#[cfg(test)]
-mod softmax_field;
-mod sparse_weights;
-mod start_regions;
-mod voxel;
-mod voxel_gradient;
 mod warp;
 
 pub use affine::{BoneTransform, Jacobian, bone_transform};
-pub use axis::Axis;
-pub use baked::BakedWeights;
-pub use baked_warp::BakedWarp;
-pub use candidates::{Candidates, SearchStatistics};
 pub use error::{Error, Result};
-pub use grid::Grid;
-pub use groups::StartGroups;
-pub use implicit::root_cotangents;
-pub use normals::{GradientSide, deformed_normals, deformed_normals_backward};
-pub use search::{SearchSettings, search, search_and_polish};
-pub use skinning::{blend_transforms, deform, deform_backward, jacobians_backward, skinning_jacobians};
-pub use sparse_weights::SparseWeights;
-pub use start_regions::{StartBoxes, StartRegions};
-pub use voxel::VoxelSkinning;
-pub use warp::{ExactWarp, ExactWorkspace, Warp};
+pub use grid::{Axis, BakedWarp, BakedWeights, Grid, SparseWeights, VoxelSkinning};
+pub use search::{
+    Candidates, SearchSettings, SearchStatistics, StartBoxes, StartGroups, StartRegions, search, search_and_polish,
+};
+pub use warp::{
+    ExactWarp, ExactWorkspace, GradientSide, Warp, blend_transforms, deform, deform_backward, deformed_normals,
+    deformed_normals_backward, jacobians_backward, root_cotangents, skinning_jacobians,
+};

@@ -7,6 +7,9 @@ use std::path::Path;
 
 use crate::{Error, Result};
 
+/// How the temporary names begin, which a killed process leaves.
+pub(crate) const PARTIAL: &str = ".partial-";
+
 /// Writes `path` through `write`; if anything fails, what stood at `path` before still does.
 ///
 /// # Errors
@@ -21,7 +24,7 @@ pub fn write_atomically(
         // Like any other new file, not private to the owner as temporary files are.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut temporary = builder.prefix(".partial-").tempfile_in(folder)?;
+        let mut temporary = builder.prefix(PARTIAL).tempfile_in(folder)?;
         let mut writer = BufWriter::new(temporary.as_file_mut());
         write(&mut writer)?;
         writer.flush()?;
@@ -34,7 +37,8 @@ pub fn write_atomically(
 }
 
 /// Returns once the names in a folder are on the disk. Only Unix opens folders as files.
-fn sync_folder(folder: &Path) -> io::Result<()> {
+#[allow(clippy::disallowed_methods)]
+pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
     #[cfg(unix)]
     fs::File::open(folder)?.sync_all()?;
     #[cfg(not(unix))]

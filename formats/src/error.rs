@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::Remedy;
 use crate::shown::Shown;
 
 /// Result of every fallible call of the crates that read and look at what users have.
@@ -23,14 +24,14 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A file or folder that has to be there is not.
-    #[error("{path}: {what} not found; {remedy}", path = Shown(path.display()), what = Shown(what), remedy = Shown(remedy))]
+    #[error("{path}: {what} not found; {remedy}", path = Shown(path.display()), what = Shown(what))]
     Missing {
         /// Where it was looked for.
         path: PathBuf,
         /// What is missing.
         what: String,
         /// What the user can do.
-        remedy: String,
+        remedy: Remedy,
     },
     /// A file does not follow its format.
     #[error(
@@ -78,7 +79,7 @@ pub enum Error {
     /// A valid file that is not what the command needs (an SMPL model for SMPL-X, a wrong gender, ...).
     #[error(
         "{path}: {found}, expected {expected}; {remedy}",
-        path = Shown(path.display()), found = Shown(found), expected = Shown(expected), remedy = Shown(remedy)
+        path = Shown(path.display()), found = Shown(found), expected = Shown(expected)
     )]
     Mismatch {
         /// The file.
@@ -88,7 +89,7 @@ pub enum Error {
         /// What is needed.
         expected: String,
         /// What the user can do.
-        remedy: String,
+        remedy: Remedy,
     },
     /// A file that is in none of the formats that it could be in.
     #[error("{path}: no {what} that can be read:{tried}\n{remedy}", path = Shown(path.display()), tried = Indented(tried))]
@@ -100,12 +101,11 @@ pub enum Error {
         /// Each format, and why the file is not in it.
         tried: Vec<String>,
         /// Where the formats are described.
-        remedy: &'static str,
+        remedy: Remedy,
     },
     /// A skeleton whose bones' names do not say which joints of a body they are.
     #[error(
-        "{path}: a skeleton in which no bone is known as {missing}; \
-         complete this map, save it as map.toml and give it as --bones map.toml:{map}",
+        "{path}: a skeleton in which no bone is known as {missing}; {remedy}:{map}",
         path = Shown(path.display()), missing = Shown(missing), map = Indented(map)
     )]
     UnknownBones {
@@ -113,8 +113,10 @@ pub enum Error {
         path: PathBuf,
         /// The joints that no bone is known as.
         missing: String,
-        /// A map of the bones to start from, a line each.
+        /// A map of the bones to start from, in TOML, a line each.
         map: Vec<String>,
+        /// What to do with it.
+        remedy: Remedy,
     },
     /// A value outside its range, or an array of the wrong shape, passed by a caller or a configuration.
     #[error("{name} is {found}, expected {expected}", name = Shown(name), found = Shown(found), expected = Shown(expected))]
@@ -125,6 +127,14 @@ pub enum Error {
         found: String,
         /// What it may be.
         expected: String,
+    },
+    /// Data that can be read, and that nothing good can be made of.
+    #[error("{message}; {remedy}", message = Shown(message))]
+    Unfit {
+        /// What was found, with the figure, and what to do.
+        message: String,
+        /// How to take it as it is.
+        remedy: Remedy,
     },
     /// One frame of a sequence could not be used.
     #[error("frame {frame}: {source}", frame = Shown(frame))]
@@ -178,6 +188,19 @@ impl Error {
         move |source| Self::Io { path, source }
     }
 
+    /// What the user can do, where that is known.
+    pub fn remedy(&self) -> Option<&Remedy> {
+        match self {
+            Self::Missing { remedy, .. }
+            | Self::Mismatch { remedy, .. }
+            | Self::Unrecognised { remedy, .. }
+            | Self::UnknownBones { remedy, .. }
+            | Self::Unfit { remedy, .. } => Some(remedy),
+            Self::Frame { source, .. } => source.remedy(),
+            _ => None,
+        }
+    }
+
     /// Names the frame in which `self` happened.
     #[must_use]
     pub fn in_frame(self, frame: impl Into<String>) -> Self {
@@ -195,7 +218,7 @@ mod tests {
         let system = || std::io::Error::other(text.clone());
         let errors = vec![
             Error::Io { path: path.clone(), source: system() },
-            Error::Missing { path: path.clone(), what: text.clone(), remedy: text.clone() },
+            Error::Missing { path: path.clone(), what: text.clone(), remedy: text.as_str().into() },
             Error::Malformed {
                 path: path.clone(),
                 format: "npz archive",
@@ -205,10 +228,26 @@ mod tests {
             },
             Error::Refused { path: path.clone(), found: text.clone() },
             Error::TooLarge { path: path.clone(), purpose: text.clone(), bytes: 1, limit: MemoryLimit::OfSystem },
-            Error::Mismatch { path: path.clone(), found: text.clone(), expected: text.clone(), remedy: text.clone() },
-            Error::Unrecognised { path: path.clone(), what: "motion", tried: vec![text.clone()], remedy: "convert it" },
-            Error::UnknownBones { path: path.clone(), missing: text.clone(), map: vec![text.clone()] },
+            Error::Mismatch {
+                path: path.clone(),
+                found: text.clone(),
+                expected: text.clone(),
+                remedy: text.as_str().into(),
+            },
+            Error::Unrecognised {
+                path: path.clone(),
+                what: "motion",
+                tried: vec![text.clone()],
+                remedy: "convert it".into(),
+            },
+            Error::UnknownBones {
+                path: path.clone(),
+                missing: text.clone(),
+                map: vec![text.clone()],
+                remedy: text.as_str().into(),
+            },
             Error::Value { name: text.clone(), found: text.clone(), expected: text.clone() },
+            Error::Unfit { message: text.clone(), remedy: "scan again".into() },
             Error::Frame { frame: text.clone(), source: Box::new(Error::Io { path, source: system() }) },
         ];
         for error in &errors {
@@ -223,6 +262,7 @@ mod tests {
                 | Error::Unrecognised { .. }
                 | Error::UnknownBones { .. }
                 | Error::Value { .. }
+                | Error::Unfit { .. }
                 | Error::Frame { .. } => {}
             }
         }

@@ -7,13 +7,15 @@
 //! | PyTorch checkpoint | [`read_torch`] |
 //! | any of these and JSON, by what it begins with, compressed or not | [`ArrayFile`] |
 //! | safetensors | [`TensorFile`] |
-//! | PNG, JPEG | [`read_picture`] |
+//! | PNG, JPEG, TIFF, BMP, TGA | [`read_picture`] |
 //!
 //! Files are opened by [`open_file`], which refuses pipes and devices, and read on a budget of memory in proportion to their size.
 //! What messages quote of them goes through [`Shown`], which leaves nothing that steers a terminal.
 //!
 //! Readers of bytes return a [`Fault`], which names place, finding and expectation; readers of paths an [`Error`], which names the
 //! file as well. Every crate below training shares this [`Error`]: what a user gave, and what is wrong with it.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod array;
 mod array_file;
@@ -26,8 +28,10 @@ mod input_file;
 mod jpeg;
 mod npy;
 mod npz;
+mod output_folder;
 mod pickle;
 mod picture_file;
+mod remedy;
 mod shown;
 mod tensor_file;
 mod torch;
@@ -41,8 +45,10 @@ pub use fault::{Fault, excerpt};
 pub use input_file::{open_file, read_bytes, read_text};
 pub use npy::{npy_bytes, parse_npy, read_npy};
 pub use npz::{parse_npz, read_npz, write_npz};
+pub use output_folder::{FolderLock, create_folder, is_vacant, remove_partial};
 pub use pickle::{Value, parse_pickle, parse_pickle_arrays, read_pickle, read_pickle_arrays, write_pickle};
-pub use picture_file::{read_picture, write_picture};
+pub use picture_file::{PICTURE_FORMATS, decode_picture, guarded, read_picture, write_picture};
+pub use remedy::{Choice, Remedy};
 pub use shown::{Shown, harmless};
 pub use tensor_file::{NamedTensors, TensorFile};
 pub use torch::{parse_torch, read_torch};

@@ -48,12 +48,18 @@ impl TensorFile {
                 expected: "as many as fill the shape".into(),
             });
         }
-        let header = self.header().map_err(|error| Error::io(path)(error.into()))?;
-        write_atomically(path, |file| {
-            file.write_all(&(header.len() as u64).to_le_bytes())?;
-            file.write_all(header.as_bytes())?;
-            self.sorted_tensors().values().try_for_each(|(_, values)| write_values(file, values))
-        })
+        write_atomically(path, |file| self.write_to(file))
+    }
+
+    /// Writes what a file holds, whose tensors' entries must fill their shapes.
+    ///
+    /// # Errors
+    /// Those of `to`.
+    pub fn write_to(&self, to: &mut impl Write) -> io::Result<()> {
+        let header = self.header()?;
+        to.write_all(&(header.len() as u64).to_le_bytes())?;
+        to.write_all(header.as_bytes())?;
+        self.sorted_tensors().values().try_for_each(|(_, values)| write_values(to, values))
     }
 
     /// Reads a file; its tensors must all be f32.

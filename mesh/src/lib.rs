@@ -2,23 +2,30 @@
 //!
 //! Metres, Y up; faces wind counter-clockwise seen from outside, so normals point outward.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+mod atlas;
 pub mod camera;
 mod closest;
+mod colours;
 mod components;
+mod draft;
 mod extract;
-mod fault;
+mod glb;
 mod hierarchy;
+mod notes;
 mod obj;
 mod ply;
+mod read;
 mod sampling;
 mod surface;
 #[cfg(test)]
 mod testing;
+mod text;
 mod texture;
 mod watertight;
 mod winding;
 
-use std::path::Path;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
@@ -27,15 +34,20 @@ use image::RgbImage;
 pub use closest::{ClosestPoint, SurfaceIndex};
 pub use components::{Component, largest_component};
 pub use extract::{ExtractedSurface, ExtractionError, ExtractionGrid, FINEST_RESOLUTION, Sign, extract};
-pub use obj::{read_obj, write_obj};
-pub use ply::{read_ply, write_ply};
+pub use notes::{Loss, Note};
+pub use obj::write_obj;
+pub use ply::write_ply;
+pub use read::{MESH_EXTENSIONS, ReadMesh, parse_mesh, read_mesh};
 pub use sampling::SurfaceSampler;
 pub use surface::SurfacePoint;
 pub use texture::encode_png;
 pub use watertight::Topology;
 pub use winding::SolidIndex;
 
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Error, Fault, Result};
+
+/// Result of reading bytes, before it is known which file they came from.
+type Parsed<T> = std::result::Result<T, Fault>;
 
 /// An indexed triangle mesh. V vertices, F faces.
 #[derive(Clone, Debug, Default)]
@@ -130,24 +142,6 @@ fn check_finite<T: std::fmt::Debug>(name: &str, values: &[T], is_finite: impl Fn
             name: format!("{name} {index}"),
             found: format!("{value:?}"),
             expected: "finite numbers".into(),
-        }),
-    }
-}
-
-/// Reads a mesh, choosing the reader by the file's extension: `.ply` or `.obj`.
-///
-/// # Errors
-/// Those of [`read_ply`] and [`read_obj`]; [`Error::Mismatch`] for other extensions.
-pub fn read_mesh(path: impl AsRef<Path>) -> Result<TriangleMesh> {
-    let path = path.as_ref();
-    match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("ply") => read_ply(path),
-        Some("obj") => read_obj(path),
-        extension => Err(Error::Mismatch {
-            path: path.into(),
-            found: extension.map_or("a file without extension".into(), |e| format!("a .{e} file")),
-            expected: "a .ply or .obj mesh".into(),
-            remedy: "convert it first".into(),
         }),
     }
 }

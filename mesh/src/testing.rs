@@ -4,7 +4,7 @@ use glam::Vec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{ExtractionGrid, Sign, TriangleMesh, extract};
+use super::{ExtractionGrid, Sign, SurfacePoint, TriangleMesh, extract};
 
 /// Radius of the bumpy sphere in the direction of a point.
 pub(super) fn bumpy_radius(point: Vec3) -> f32 {
@@ -31,4 +31,10 @@ pub(super) fn bumpy_sphere(resolution: usize) -> TriangleMesh {
 pub(super) fn random_points(count: usize, half: f32, seed: u64) -> Vec<Vec3> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     (0..count).map(|_| Vec3::from(std::array::from_fn(|_| rng.random_range(-half..half)))).collect()
+}
+
+/// The colour at the centre of a face, in bytes.
+pub(super) fn face_colour(mesh: &TriangleMesh, face: u32) -> [u8; 3] {
+    let centre = SurfacePoint { face, barycentric: [1.0 / 3.0; 3] };
+    mesh.colour_at(&centre).unwrap().to_array().map(|channel| (channel * 255.0).round() as u8)
 }

@@ -96,12 +96,6 @@ impl SolidIndex {
         self.winding_number(point) > 0.5
     }
 
-    /// Whether each of N points is inside, in parallel.
-    #[must_use]
-    pub fn are_inside(&self, points: &[Vec3]) -> Vec<bool> {
-        points.par_iter().map(|&point| self.is_inside(point)).collect()
-    }
-
     /// The distance to the surface, metres, negative inside; and where on the surface that is.
     #[must_use]
     pub fn signed_distance(&self, point: Vec3) -> (f32, ClosestPoint) {

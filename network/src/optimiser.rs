@@ -158,12 +158,6 @@ impl<T: Real> Rule<T> {
     }
 }
 
-/// The factor that brings the joint norm of several gradients down to `maximum`; 1 where it is below. NaN stays NaN.
-pub fn clipping_factor<T: Real>(gradients: &[&[T]], maximum: f64) -> f64 {
-    let norm = gradients.iter().flat_map(|gradient| gradient.iter()).map(|g| g.wide() * g.wide()).sum::<f64>().sqrt();
-    if norm <= maximum { 1.0 } else { maximum / norm }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -179,12 +173,5 @@ mod tests {
         let m = 0.9 * 0.4 / (1.0 - 0.81);
         let v: f64 = 0.999 * 0.016 / (1.0 - 0.999f64.powi(2));
         assert!((parameters[0] - (0.9 - 0.1 * m / v.sqrt())).abs() < 1e-8);
-    }
-
-    #[test]
-    fn clipping_scales_the_joint_norm() {
-        assert_eq!(clipping_factor(&[&[3.0f32], &[4.0]], 10.0), 1.0);
-        assert!((clipping_factor(&[&[3.0f32], &[4.0]], 0.1) - 0.02).abs() < 1e-12);
-        assert!(clipping_factor(&[&[f32::NAN]], 0.1).is_nan());
     }
 }

@@ -40,7 +40,7 @@ pub fn with_scale(picture: &RgbImage, map: ColourMap, largest: f32, unit: &str) 
 
 /// The picture with names and their colours below it, as many a line as fit.
 #[must_use]
-pub fn with_names(picture: &RgbImage, names: &[(&str, [u8; 3])]) -> RgbImage {
+pub fn with_names(picture: &RgbImage, names: &[(String, [u8; 3])]) -> RgbImage {
     let line = i64::from(Size::Small.height());
     let widths = names.iter().map(|(name, _)| i64::from(Size::Small.width(name)) + BAR + 3 * GAP);
     // (column, line) of each.
@@ -93,7 +93,8 @@ mod tests {
 
     #[test]
     fn names_wrap_below_the_picture_and_small_ones_are_no_failure() {
-        let names = [("left hand", [1, 2, 3]), ("right hand", [4, 5, 6]), ("eyes, mouth", [7, 8, 9])];
+        let names = [("left hand", [1, 2, 3]), ("right hand", [4, 5, 6]), ("eyes, mouth", [7, 8, 9])]
+            .map(|(name, colour)| (name.to_owned(), colour));
         let picture = with_names(&grey(130, 80), &names);
         let lowest = |colour: [u8; 3]| picture.enumerate_pixels().filter(|p| p.2.0 == colour).map(|p| p.1).max();
         assert!(lowest([4, 5, 6]) > lowest([1, 2, 3]) && lowest([7, 8, 9]) > lowest([4, 5, 6]));

@@ -2,6 +2,8 @@
 //!
 //! Metres; the world is Y up. Every picture is a function of its inputs alone: the number of threads changes nothing.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 mod camera_bounds;
 mod colour_map;
 mod film;

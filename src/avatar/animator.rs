@@ -9,15 +9,10 @@ use std::sync::{Mutex, PoisonError};
 
 use glam::Vec3;
 use rayon::prelude::*;
-use xavatar_deformer::{BakedWeights, StartGroups};
 
-use super::shading::{Posing, shade};
-use super::{Avatar, Extraction};
-use crate::body::{BodyModel, BodyParameters, PartLabels, Registration};
-use crate::canonical_grid::CanonicalGrid;
-use crate::config::SkinningSettings;
-use crate::correspondence::{Correspondence, PosedField, PosedWarp, bake, bone_rows, part_label, union_start_groups};
-use crate::fields::{Skinning, condition};
+use super::{Avatar, Extraction, paint};
+use crate::body::{BodyModel, PartLabels, Pose, Registration};
+use crate::fields::{Correspondence, FieldPose, Fields, PosedField, Poser};
 use crate::mesh::{Component, ExtractedSurface, extract, largest_component};
 use crate::{Error, Result};
 
@@ -26,66 +21,49 @@ const REACH: f32 = 0.25;
 /// Two neighbours' canonical points are on one sheet of the body if they are less than this many lattice edges apart.
 const SHEET: f32 = 4.0;
 
-/// An avatar with all that its poses share: the body model, the baked skinning weights, the search's starts.
+/// An avatar with all that its poses share: the body model, the sampled skinning weights, the search's starts.
 pub struct Animator<'a> {
     avatar: &'a Avatar,
     body: &'a BodyModel,
     labels: &'a PartLabels,
-    groups: StartGroups,
-    baked: Option<BakedWeights<f32>>,
-    /// The avatar's skinning field; on a grid, with the starts that can be left out.
-    skinning: Skinning<f32>,
-    grid: Option<CanonicalGrid>,
+    poser: Poser,
+    /// The avatar's fields; skinning on a grid knows the starts that can be left out.
+    fields: Fields<f32>,
 }
 
 impl<'a> Animator<'a> {
     /// Makes `avatar` ready to be posed by `body`, whose vertices' parts are `labels`.
     ///
     /// # Errors
-    /// If the skinning field cannot be baked on the configured grid.
+    /// If the body is of another skeleton, or the skinning field cannot be sampled on the configured grid.
     pub fn new(avatar: &'a Avatar, body: &'a BodyModel, labels: &'a PartLabels) -> Result<Self> {
-        let groups = union_start_groups(avatar.config.starts)?;
-        let baked = bake(&avatar.fields.skinning, avatar.config.searched_field, avatar.subject.bounds)?;
-        let mut skinning = avatar.fields.skinning.clone();
-        let mut grid = None;
-        if let (SkinningSettings::Voxels(shape), Skinning::Voxels(voxels)) =
-            (&avatar.config.fields.skinning, &mut skinning)
-        {
-            let canonical = CanonicalGrid::new(body, labels, &avatar.subject.betas, *shape)?;
-            canonical.prune_starts(voxels, &groups)?;
-            grid = Some(canonical);
-        }
-        Ok(Self { avatar, body, labels, groups, baked, skinning, grid })
+        let Avatar { config, subject, .. } = avatar;
+        subject.skeleton.require(body.skeleton(), "the body model")?;
+        let mut fields = avatar.fields.clone();
+        let mut poser = Poser::for_surfaces(config, body, labels, &subject.betas, subject.bounds)?;
+        poser.prune_starts(&mut fields.skinning)?;
+        poser.bake(&fields.skinning)?;
+        Ok(Self { avatar, body, labels, poser, fields })
     }
 
-    /// The surface posed by `parameters`, in the avatar's own shape: without hidden surfaces; in the world. `resolution` cells
-    /// along the longest side of the box around the posed body.
+    /// The avatar.
+    pub fn avatar(&self) -> &'a Avatar {
+        self.avatar
+    }
+
+    /// The surface in a pose, in the avatar's own shape: without hidden surfaces; in the world. `resolution` cells along the
+    /// longest side of the box around the posed body.
     ///
     /// # Errors
-    /// As [`Avatar::extract_canonical`], and if the parameters do not fit the body model.
-    pub fn extract(&self, parameters: &BodyParameters, resolution: usize) -> Result<Extraction> {
-        let Avatar { fields, config, subject, .. } = self.avatar;
-        let parameters = BodyParameters { betas: subject.betas, ..parameters.clone() };
+    /// As [`Avatar::extract_canonical`], and if the pose does not fit the body model.
+    pub fn extract(&self, pose: &Pose, resolution: usize) -> Result<Extraction> {
+        let pose = pose.in_shape(&self.avatar.subject.betas);
         let vertices: Vec<Vec3> =
-            self.body.pose(&parameters)?.vertices.iter().map(|vertex| *vertex - parameters.transl).collect();
-        let embedded = fields.geometry.mlp.embed(&condition(&parameters));
-        let bones = bone_rows(&self.body.canonical_to_posed(&parameters)?);
-        let offsets = match &self.grid {
-            Some(grid) => Some(grid.node_offsets(&self.body.canonical_offsets(&parameters)?)),
-            None => None,
-        };
-        let warp = PosedWarp::new(&self.skinning, self.baked.as_ref(), &bones, offsets.as_deref())?;
-        let posed = PosedField {
-            fields,
-            bones: &bones,
-            embedded: &embedded,
-            groups: &self.groups,
-            settings: &config.search,
-            warp: &warp,
-            bounds: subject.bounds,
-        };
+            self.body.pose(&pose)?.vertices.iter().map(|vertex| *vertex - pose.translation).collect();
+        let field_pose = FieldPose::new(self.body, &pose)?;
+        let posed = self.poser.pose(&self.fields, &field_pose, &field_pose.condition)?;
         let queries = Queries {
-            posed,
+            posed: &posed,
             registration: Registration::new(&vertices, self.labels)?,
             roots: Mutex::default(),
             failure: Mutex::default(),
@@ -103,8 +81,9 @@ impl<'a> Animator<'a> {
             .zip(&vertices)
             .map(|(vertex, index)| canonical_guess(*vertex, edges[*index as usize], &roots))
             .collect();
-        shade(fields, &embedded, &Posing::Deformed(&warp), &canonical, &mut mesh)?;
-        mesh.vertices.iter_mut().for_each(|vertex| *vertex += parameters.transl);
+        let (canonical, jacobians) = posed.warp.refined(&canonical, &mesh.vertices);
+        paint(&mut mesh, posed.evaluator.posed_shades(&canonical, &jacobians)?);
+        mesh.vertices.iter_mut().for_each(|vertex| *vertex += pose.translation);
         Ok(Extraction { mesh, dropped_components: others })
     }
 }
@@ -114,7 +93,7 @@ type Roots = HashMap<[u32; 3], Vec3>;
 
 /// One frame's field on the extraction's lattice.
 struct Queries<'a> {
-    posed: PosedField<'a>,
+    posed: &'a PosedField<'a>,
     registration: Registration<'a>,
     /// Of every point that has one, the winning canonical point.
     roots: Mutex<Roots>,
@@ -125,7 +104,7 @@ struct Queries<'a> {
 impl Queries<'_> {
     /// Writes the values at points (N): the union's, or outside.
     fn values(&self, points: &[Vec3], values: &mut [f32]) {
-        values.fill(self.posed.fields.geometry.representation.outside());
+        values.fill(self.posed.evaluator.fields().geometry.representation.outside());
         match self.correspondences(points) {
             Ok(found) => {
                 let mut roots = self.roots.lock().unwrap_or_else(PoisonError::into_inner);
@@ -145,7 +124,7 @@ impl Queries<'_> {
         let nearest: Vec<_> = points.par_iter().map(|point| self.registration.nearest(*point)).collect();
         let near: Vec<usize> = (0..points.len()).filter(|index| nearest[*index].1 < REACH).collect();
         let targets: Vec<_> = near.iter().map(|index| points[*index].to_array()).collect();
-        let labels: Vec<_> = near.iter().map(|index| part_label(nearest[*index].0)).collect();
+        let labels: Vec<_> = near.iter().map(|index| nearest[*index].0.0).collect();
         let found = self.posed.correspondences(&targets, &labels)?;
         Ok(near.into_iter().zip(found).filter_map(|(index, found)| Some((index, found?))).collect())
     }

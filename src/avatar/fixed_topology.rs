@@ -10,17 +10,18 @@ use rayon::prelude::*;
 use xavatar_deformer::{BoneTransform, GradientSide};
 use xavatar_deformer::{Jacobian, blend_transforms, deform, deformed_normals, skinning_jacobians};
 
-use super::{Avatar, BLOCK_ROWS, arrays};
+use super::{Avatar, arrays};
 use crate::Result;
-use crate::body::{BodyModel, BodyParameters, JOINTS};
-use crate::canonical_grid::BodyPlaces;
-use crate::correspondence::bone_rows;
+use crate::body::{BodyModel, Pose};
+use crate::fields::{BLOCK_ROWS, BodyPlaces, FieldEvaluator, bone_rows};
 use crate::mesh::TriangleMesh;
 
 /// A canonical mesh that is skinned from frame to frame.
 pub struct FixedTopology<'a> {
     body: &'a BodyModel,
-    betas: [f32; 10],
+    betas: Vec<f32>,
+    /// J.
+    joints: usize,
     /// The canonical mesh, with normals and colours.
     canonical: TriangleMesh,
     points: Vec<[f32; 3]>,
@@ -38,26 +39,22 @@ impl<'a> FixedTopology<'a> {
     /// Extracts the canonical surface with `resolution` cells along the longest side, and its skinning.
     ///
     /// # Errors
-    /// As [`Avatar::extract_canonical`].
+    /// If the body is of another skeleton; as [`Avatar::extract_canonical`].
     pub fn new(avatar: &Avatar, body: &'a BodyModel, resolution: usize) -> Result<Self> {
+        avatar.subject.skeleton.require(body.skeleton(), "the body model")?;
         let extraction = avatar.extract_unconditioned(resolution)?;
         let canonical = extraction.mesh;
         let points = arrays(&canonical.vertices);
         let normals = arrays(canonical.normals.as_deref().unwrap_or_default());
-        let (mut weights, mut gradients) = (vec![0.0; points.len() * JOINTS], vec![0.0; 3 * points.len() * JOINTS]);
-        let rows = weights.par_chunks_mut(BLOCK_ROWS * JOINTS).zip(gradients.par_chunks_mut(3 * BLOCK_ROWS * JOINTS));
-        points.par_chunks(BLOCK_ROWS).zip(rows).for_each_init(
-            Default::default,
-            |workspace, (points, (weights, gradients))| {
-                avatar.fields.skinning.weights_and_gradients(workspace, points, weights, gradients);
-            },
-        );
-        let places = match avatar.fields.skinning.voxels() {
-            Some(_) => Some(BodyPlaces::nearest(body, &avatar.subject.betas, &canonical.vertices)?.0),
-            None => None,
+        let joints = avatar.subject.skeleton.joints.len();
+        let (weights, gradients) =
+            FieldEvaluator::new(&avatar.fields, &avatar.condition().none()).weights_and_gradients(&points);
+        let places = match avatar.fields.skinning.carries_blend_shapes() {
+            true => Some(BodyPlaces::nearest(body, &avatar.subject.betas, &canonical.vertices)?.0),
+            false => None,
         };
-        let (betas, dropped_components) = (avatar.subject.betas, extraction.dropped_components);
-        Ok(Self { body, betas, canonical, points, places, normals, weights, gradients, dropped_components })
+        let (betas, dropped_components) = (avatar.subject.betas.clone(), extraction.dropped_components);
+        Ok(Self { body, betas, joints, canonical, points, places, normals, weights, gradients, dropped_components })
     }
 
     /// The canonical mesh (V), with the normals and colours of the canonical pose.
@@ -78,34 +75,32 @@ impl<'a> FixedTopology<'a> {
     /// The canonical vertices (V) with the frame's offsets of the body model, which an avatar trained with them has: x_c + o.
     ///
     /// # Errors
-    /// If the parameters do not fit the body model.
-    pub fn displaced(&self, parameters: &BodyParameters) -> Result<Vec<[f32; 3]>> {
+    /// If the pose does not fit the body model.
+    pub fn displaced(&self, pose: &Pose) -> Result<Vec<[f32; 3]>> {
         let mut points = self.points.clone();
         if let Some(places) = &self.places {
-            let parameters = BodyParameters { betas: self.betas, ..parameters.clone() };
-            let offsets = places.offsets(&self.body.canonical_offsets(&parameters)?);
+            let offsets = places.offsets(&self.body.canonical_offsets(&pose.in_shape(&self.betas))?);
             let offsets = offsets.as_flattened();
             points.as_flattened_mut().iter_mut().zip(offsets).for_each(|(point, offset)| *point += offset);
         }
         Ok(points)
     }
 
-    /// The mesh posed by `parameters`, in the avatar's own shape and in the world. It has the faces and colours of the canonical
-    /// mesh.
+    /// The mesh in a pose, in the avatar's own shape and in the world. It has the faces and colours of the canonical mesh.
     ///
     /// # Errors
-    /// If the parameters do not fit the body model.
-    pub fn pose(&self, parameters: &BodyParameters) -> Result<TriangleMesh> {
-        let parameters = BodyParameters { betas: self.betas, ..parameters.clone() };
-        let bones = bone_rows(&self.body.canonical_to_posed(&parameters)?);
-        let points = self.displaced(&parameters)?;
+    /// If the pose does not fit the body model.
+    pub fn pose(&self, pose: &Pose) -> Result<TriangleMesh> {
+        let pose = pose.in_shape(&self.betas);
+        let bones = bone_rows(&self.body.canonical_to_posed(&pose)?);
+        let points = self.displaced(&pose)?;
         let mut vertices = vec![Vec3::ZERO; points.len()];
         let mut normals = vec![Vec3::ZERO; points.len()];
         let places = vertices.par_chunks_mut(BLOCK_ROWS).zip(normals.par_chunks_mut(BLOCK_ROWS));
         places.enumerate().try_for_each_init(Skinner::default, |skinner, (block, (vertices, normals))| {
             skinner.skin(&self.block(&points, block), &bones)?;
             for (vertex, deformed) in vertices.iter_mut().zip(&skinner.deformed) {
-                *vertex = Vec3::from_array(*deformed) + parameters.transl;
+                *vertex = Vec3::from_array(*deformed) + pose.translation;
             }
             for (normal, deformed) in normals.iter_mut().zip(&skinner.normals) {
                 *normal = Vec3::from_array(*deformed);
@@ -122,8 +117,8 @@ impl<'a> FixedTopology<'a> {
         Block {
             points: &points[rows.clone()],
             normals: &self.normals[rows.clone()],
-            weights: &self.weights[rows.start * JOINTS..rows.end * JOINTS],
-            gradients: &self.gradients[3 * rows.start * JOINTS..3 * rows.end * JOINTS],
+            weights: &self.weights[rows.start * self.joints..rows.end * self.joints],
+            gradients: &self.gradients[3 * rows.start * self.joints..3 * rows.end * self.joints],
         }
     }
 }

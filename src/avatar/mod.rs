@@ -1,55 +1,28 @@
 //! The product of training: fields and skeleton, to query, extract and pose.
 //!
-//! One self-contained safetensors file: parameters under `field.parameter`, the configuration and the subject as text. It
-//! carries what the user's own training made, and joints, never a body model's blend shapes.
+//! [`Avatar::save`] makes it one self-contained file.
 
 mod animator;
+mod file;
 mod fixed_topology;
 mod official;
 mod query;
-mod shading;
-
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+mod subject;
 
 use glam::Vec3;
-use serde::{Deserialize, Serialize};
-use xavatar_network::{Representation, Trace};
+use xavatar_network::Representation;
 
 pub use self::animator::Animator;
 pub use self::fixed_topology::FixedTopology;
 pub use self::official::OfficialMeta;
 pub use self::query::Sample;
+pub use self::subject::Subject;
 
-use self::shading::{Posing, shade};
-use crate::body::{BodyModel, BodyParameters, Gender, JOINTS, PartLabels};
-use crate::config::{Config, SkinningSettings};
-use crate::fields::{CONDITION, Fields, Skinning, condition};
+use crate::Result;
+use crate::body::{BodyModel, PartLabels, Pose};
+use crate::config::Config;
+use crate::fields::{Condition, FieldEvaluator, Fields, Shade};
 use crate::mesh::{Colouring, Component, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
-use crate::train::{insert_parameters, load_parameters, load_voxels};
-use crate::{Error, InputError, Result};
-use xavatar_formats::TensorFile;
-
-/// Version of the file's layout.
-const VERSION: u32 = 2;
-/// Rows a thread evaluates at a time.
-const BLOCK_ROWS: usize = 256;
-
-/// Whom an avatar was made of.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Subject {
-    /// The body model's gender.
-    pub gender: Gender,
-    /// Shape coefficients.
-    pub betas: [f32; 10],
-    /// Canonical joints (J), metres.
-    pub joints: Vec<Vec3>,
-    /// Lowest and highest corner of the canonical box, metres.
-    pub bounds: (Vec3, Vec3),
-    /// Frames it was trained on.
-    pub frames: usize,
-}
 
 /// An animatable avatar.
 #[derive(Clone, Debug)]
@@ -74,83 +47,18 @@ pub struct Extraction {
 }
 
 impl Avatar {
-    /// The file's name in a run folder.
-    pub const FILE: &str = "avatar.safetensors";
-
-    /// Writes the avatar as one file, whole or not at all.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
-    pub fn save(&self, path: &Path) -> Result<()> {
-        let mut file = TensorFile::default();
-        insert_parameters(&mut file, &self.fields);
-        file.text = HashMap::from([
-            ("version".into(), VERSION.to_string()),
-            ("config".into(), self.config.to_toml()?),
-            (
-                "subject".into(),
-                serde_json::to_string(&self.subject).map_err(|error| InputError::io(path)(error.into()))?,
-            ),
-            ("steps".into(), self.steps.to_string()),
-        ]);
-        Ok(file.write(path)?)
+    /// What its geometry is told of a pose.
+    pub fn condition(&self) -> Condition {
+        self.subject.condition()
     }
 
-    /// Reads an avatar file, or the one in a run folder.
+    /// The canonical surface under the condition of a pose, with `resolution` cells along the longest side.
     ///
     /// # Errors
-    /// If the file is missing, broken, of another version, or its parameters do not fit its configuration.
-    pub fn load(path: &Path) -> Result<Self> {
-        let path: PathBuf = if path.is_dir() { path.join(Self::FILE) } else { path.into() };
-        if !path.exists() {
-            return Err(Error::from(InputError::Missing {
-                path,
-                what: "avatar".into(),
-                remedy: "pass an avatar.safetensors or the folder of a finished run".into(),
-            }));
-        }
-        let file = TensorFile::read(&path)?;
-        let version: u32 = file.parsed(&path, "version")?;
-        if version != VERSION {
-            return Err(Error::from(InputError::Mismatch {
-                path,
-                found: format!("an avatar file of version {version}"),
-                expected: format!("version {VERSION}"),
-                remedy: "train it again, or use the program that wrote it".into(),
-            }));
-        }
-        let malformed = |place: &str, found: String| {
-            Error::from(InputError::Malformed {
-                path: path.clone(),
-                format: "avatar",
-                place: format!("metadata `{place}`"),
-                found,
-                expected: "what this program writes".into(),
-            })
-        };
-        let config: Config =
-            toml::from_str(file.text(&path, "config")?).map_err(|error| malformed("config", error.to_string()))?;
-        let subject: Subject = serde_json::from_str(file.text(&path, "subject")?)
-            .map_err(|error| malformed("subject", error.to_string()))?;
-        let (low, high) = subject.bounds;
-        if subject.joints.len() != JOINTS || !(low.is_finite() && high.is_finite() && low.cmplt(high).all()) {
-            return Err(malformed("subject", format!("{} joints in {low} to {high}", subject.joints.len())));
-        }
-        let skinning = match &config.fields.skinning {
-            SkinningSettings::Network(shape) => Skinning::network(shape)?,
-            SkinningSettings::Voxels(_) => Skinning::Voxels(load_voxels(&file, &path)?),
-        };
-        let mut fields = Fields::new(&config.fields, skinning, subject.bounds)?;
-        load_parameters(&file, &mut fields)?;
-        Ok(Self { fields, config, subject, steps: file.parsed(&path, "steps")? })
-    }
-
-    /// The canonical surface under the condition of `parameters`, with `resolution` cells along the longest side.
-    ///
-    /// # Errors
-    /// [`Error::NoSurface`] with the range of values seen; [`Error::Value`] for a resolution out of range.
-    pub fn extract_canonical(&self, parameters: &BodyParameters, resolution: usize) -> Result<Extraction> {
-        self.canonical_surface(&condition(parameters), resolution)
+    /// [`Error::NoSurface`](crate::Error::NoSurface) with the range of values seen;
+    /// [`InputError::Value`](crate::InputError::Value) for a resolution out of range.
+    pub fn extract_canonical(&self, pose: &Pose, resolution: usize) -> Result<Extraction> {
+        self.canonical_surface(&self.condition().of(pose), resolution)
     }
 
     /// The canonical surface under no condition: that of [`FixedTopology`].
@@ -158,7 +66,7 @@ impl Avatar {
     /// # Errors
     /// As [`Avatar::extract_canonical`].
     pub fn extract_unconditioned(&self, resolution: usize) -> Result<Extraction> {
-        self.canonical_surface(&[0.0; CONDITION], resolution)
+        self.canonical_surface(&self.condition().none(), resolution)
     }
 
     /// The colours (N), sRGB, of canonical points (N) on or near the surface, under no condition as those of [`FixedTopology`].
@@ -166,13 +74,8 @@ impl Avatar {
     /// # Errors
     /// Those of the fields: points that are not finite.
     pub fn colours(&self, points: &[Vec3]) -> Result<Vec<[u8; 3]>> {
-        let embedded = self.fields.geometry.mlp.embed(&[0.0; CONDITION]);
-        let mut mesh = TriangleMesh { vertices: points.to_vec(), ..TriangleMesh::default() };
-        shade(&self.fields, &embedded, &Posing::Canonical, &arrays(points), &mut mesh)?;
-        match mesh.colouring {
-            Colouring::Vertex(colours) => Ok(colours),
-            Colouring::None | Colouring::Texture { .. } => Ok(Vec::new()),
-        }
+        let shades = FieldEvaluator::new(&self.fields, &self.condition().none()).shades(&arrays(points))?;
+        Ok(shades.into_iter().map(|shade| shade.colour).collect())
     }
 
     /// The surface in one pose; for several, keep an [`Animator`].
@@ -183,27 +86,20 @@ impl Avatar {
         &self,
         body: &BodyModel,
         labels: &PartLabels,
-        parameters: &BodyParameters,
+        pose: &Pose,
         resolution: usize,
     ) -> Result<Extraction> {
-        Animator::new(self, body, labels)?.extract(parameters, resolution)
+        Animator::new(self, body, labels)?.extract(pose, resolution)
     }
 
     fn canonical_surface(&self, condition: &[f32], resolution: usize) -> Result<Extraction> {
-        let embedded = self.fields.geometry.mlp.embed(condition);
-        let network = &self.fields.geometry.mlp;
-        let evaluate = |points: &[Vec3], values: &mut [f32]| {
-            let mut trace = Trace::default();
-            for (values, points) in values.chunks_mut(BLOCK_ROWS).zip(points.chunks(BLOCK_ROWS)) {
-                network.evaluate(&mut trace, arrays(points).as_flattened(), &embedded, &[]);
-                values.copy_from_slice(trace.output());
-            }
-        };
+        let evaluator = FieldEvaluator::new(&self.fields, condition);
+        let evaluate = |points: &[Vec3], values: &mut [f32]| values.copy_from_slice(&evaluator.values(&arrays(points)));
         let (minimum, maximum) = self.subject.bounds;
         let mesh = extract(&evaluate, self.grid(minimum, maximum, resolution))?.mesh;
         let Component { mut mesh, others: dropped_components, .. } = largest_component(&mesh);
-        let canonical = arrays(&mesh.vertices);
-        shade(&self.fields, &embedded, &Posing::Canonical, &canonical, &mut mesh)?;
+        let shades = evaluator.shades(&arrays(&mesh.vertices))?;
+        paint(&mut mesh, shades);
         Ok(Extraction { mesh, dropped_components })
     }
 
@@ -214,6 +110,12 @@ impl Avatar {
         };
         ExtractionGrid { minimum, maximum, resolution, level: 0.0, inside_is }
     }
+}
+
+/// Sets the normals and colours of a mesh's vertices (V).
+fn paint(mesh: &mut TriangleMesh, shades: Vec<Shade>) {
+    mesh.normals = Some(shades.iter().map(|shade| shade.normal).collect());
+    mesh.colouring = Colouring::Vertex(shades.into_iter().map(|shade| shade.colour).collect());
 }
 
 fn arrays(points: &[Vec3]) -> Vec<[f32; 3]> {

@@ -6,27 +6,28 @@
 
 use std::path::{Path, PathBuf};
 
-use xavatar_network::{GeometryShape, Representation, TextureShape};
+use xavatar_network::{GeometryShape, KinematicTree, Representation, TextureShape};
 
 use super::{Avatar, Subject};
-use crate::body::{BodyModel, Gender};
-use crate::canonical_grid::canonical_box;
+use crate::body::{BodyModel, Gender, Skeleton};
 use crate::config::{Config, SkinningSettings, SkinningShape};
-use crate::fields::{CONDITION, FIELD_NAMES, Fields, Skinning};
+use crate::fields::{Condition, Fields, PerField, canonical_box};
 use crate::formats::{Array, ArrayMap, Value, read_npz, read_torch};
-use crate::train::load_parameters;
 use crate::{Error, InputError, Result};
 use xavatar_formats::TensorFile;
 
 const CHECKPOINT: &str = "X-Avatar checkpoint";
 /// Factor on the skinning logits, fixed in the released code.
 const BLEND: u32 = 20;
-/// Logits of the tree-structured softmax over SMPL-X: a joint each, and the gates of four that branch.
-const SKINNING_LOGITS: usize = 59;
-/// State dicts of a `.pth`, and prefixes in a `.ckpt`, in the order of [`FIELD_NAMES`]; what precedes a parameter's name in each.
-const STATE_DICTS: [(&str, &str); 3] =
-    [("shapenet_state_dict", ""), ("colornet_state_dict", ""), ("deformer_state_dict", "lbs_network.")];
-const PREFIXES: [&str; 3] = ["shape_net.", "color_net.", "deformer.lbs_network."];
+/// State dicts of a `.pth`, with what precedes a parameter's name in each.
+const STATE_DICTS: PerField<(&str, &str)> = PerField {
+    geometry: ("shapenet_state_dict", ""),
+    texture: ("colornet_state_dict", ""),
+    skinning: ("deformer_state_dict", "lbs_network."),
+};
+/// What precedes a parameter's name in the one state dict of a `.ckpt`.
+const PREFIXES: PerField<&str> =
+    PerField { geometry: "shape_net.", texture: "color_net.", skinning: "deformer.lbs_network." };
 
 /// What `meta_info.npz` says of a checkpoint.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +35,7 @@ pub struct OfficialMeta {
     /// The body model's gender.
     pub gender: Gender,
     /// Shape coefficients.
-    pub betas: [f32; 10],
+    pub betas: Vec<f32>,
     /// What the geometry network's output means.
     pub representation: Representation,
 }
@@ -59,12 +60,11 @@ impl OfficialMeta {
             text.ok_or_else(|| refuse(found(&arrays, key), &format!("text `{key}`")))
         };
         let betas = arrays.get("betas").and_then(Array::to_f32);
-        let betas = betas.and_then(|betas| <[f32; 10]>::try_from(betas).ok());
         Ok(Self {
             gender: text("gender")?.parse().map_err(|_| refuse(found(&arrays, "gender"), "neutral, female or male"))?,
             betas: betas
-                .filter(|betas| betas.iter().all(|beta| beta.is_finite()))
-                .ok_or_else(|| refuse(found(&arrays, "betas"), "10 finite numbers `betas`"))?,
+                .filter(|betas| !betas.is_empty() && betas.iter().all(|beta| beta.is_finite()))
+                .ok_or_else(|| refuse(found(&arrays, "betas"), "finite numbers `betas`"))?,
             representation: match text("representation")? {
                 "occ" => Representation::Occupancy,
                 "sdf" => Representation::SignedDistance,
@@ -86,26 +86,19 @@ impl Avatar {
     pub fn from_official(checkpoint: &Path, meta: &OfficialMeta, body: &BodyModel) -> Result<Self> {
         let value = read_torch(checkpoint)?;
         let networks = Networks::of(checkpoint, &value)?;
-        let config = networks.configuration(meta.representation)?;
-        let SkinningSettings::Network(shape) = &config.fields.skinning else {
-            return Err(networks.refuse("no skinning network".into(), "one"));
-        };
-        let bounds = canonical_box(&body.canonical_vertices(&meta.betas, &[0.0; 10])?);
-        let mut fields = Fields::new(&config.fields, Skinning::network(shape)?, bounds)?;
-        load_parameters(&networks.tensors, &mut fields)
+        let (skeleton, condition) = (body.skeleton(), Condition::new(body.skeleton(), body.expression_coefficients()));
+        let config = networks.configuration(meta.representation, &condition, skeleton)?;
+        let bounds = canonical_box(&body.canonical_vertices(&meta.betas, &[])?);
+        let fields = Fields::read(&networks.tensors, checkpoint, &config.fields, skeleton, &condition, bounds)
             .map_err(|error| networks.refuse(error.to_string(), "parameters that fit one another"))?;
-        let known = fields.networks().iter().map(|network| network.layout().entries().len()).sum::<usize>();
-        if networks.tensors.tensors.len() != known {
-            return Err(networks.refuse(format!("{} parameters", networks.tensors.tensors.len()), &format!("{known}")));
+        let mut known = TensorFile::default();
+        fields.insert_into(&mut known);
+        let [found, known] = [&networks.tensors, &known].map(|file| file.tensors.len());
+        if found != known {
+            return Err(networks.refuse(format!("{found} parameters"), &format!("{known}")));
         }
-        let subject = Subject {
-            gender: meta.gender,
-            betas: meta.betas,
-            joints: body.canonical_joints(&meta.betas)?.to_vec(),
-            bounds,
-            // The checkpoint does not say.
-            frames: 0,
-        };
+        // The checkpoint does not say how many frames there were.
+        let subject = Subject::of(body, meta.gender, &meta.betas, bounds, 0)?;
         let steps = match value.get("global_step") {
             Some(&Value::Int(steps)) => u64::try_from(steps).unwrap_or(0),
             _ => 0,
@@ -136,11 +129,11 @@ impl Networks {
     fn of(path: &Path, value: &Value) -> Result<Self> {
         let mut networks = Self { path: path.into(), tensors: TensorFile::default() };
         if let Some(state) = value.get("state_dict") {
-            for (field, prefix) in FIELD_NAMES.into_iter().zip(PREFIXES) {
+            for (field, prefix) in PREFIXES.named() {
                 networks.insert(field, prefix, state)?;
             }
         } else {
-            for (field, (key, prefix)) in FIELD_NAMES.into_iter().zip(STATE_DICTS) {
+            for (field, (key, prefix)) in STATE_DICTS.named() {
                 let state = value.get(key).ok_or_else(|| {
                     networks.refuse(
                         format!("no `{key}`"),
@@ -175,21 +168,27 @@ impl Networks {
     }
 
     /// The configuration of the paper for scans or RGB-D, with the extents of these networks.
-    fn configuration(&self, representation: Representation) -> Result<Config> {
+    fn configuration(
+        &self,
+        representation: Representation,
+        condition: &Condition,
+        skeleton: &Skeleton,
+    ) -> Result<Config> {
         let geometry = self.extents("geometry")?;
         let texture = self.extents("texture")?;
         let skinning = self.extents("skinning")?;
-        let [embedded, condition] = self.shape("geometry.lin_p0.weight")?;
-        if condition != CONDITION {
+        let [embedded, entries] = self.shape("geometry.lin_p0.weight")?;
+        if entries != condition.width() {
             return Err(self.refuse(
-                format!("a condition of {condition} entries"),
-                &format!("{CONDITION}: body pose and expression of SMPL-X"),
+                format!("a condition of {entries} entries"),
+                &format!("{}: body pose and expression of {}", condition.width(), skeleton.family),
             ));
         }
-        if skinning.outputs != SKINNING_LOGITS {
+        let logits = KinematicTree::new(&skeleton.parents)?.logits();
+        if skinning.outputs != logits {
             return Err(self.refuse(
                 format!("a skinning network of {} logits", skinning.outputs),
-                &format!("{SKINNING_LOGITS}: the hierarchical softmax over SMPL-X"),
+                &format!("{logits}: the hierarchical softmax over {}", skeleton.family),
             ));
         }
         let encoded = |extents: &Extents, condition: usize| extents.inputs.checked_sub(condition);
@@ -266,7 +265,7 @@ impl Networks {
             path: self.path.clone(),
             found,
             expected: expected.into(),
-            remedy: format!("pass an {CHECKPOINT} of a SMPL-X subject (.pth, or Lightning's .ckpt)"),
+            remedy: format!("pass an {CHECKPOINT} of a SMPL-X subject (.pth, or Lightning's .ckpt)").into(),
         })
     }
 }

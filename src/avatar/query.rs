@@ -1,16 +1,13 @@
 //! The fields at single canonical points: f(x_c), its normal, colour and skinning weights (METHOD section 2).
 //!
 //! N points, J joints; metres. Posed points are found by [`Animator`](super::Animator), or by
-//! [`PosedField`](crate::correspondence::PosedField).
+//! [`PosedField`](crate::fields::PosedField).
 
 use glam::Vec3;
-use rayon::prelude::*;
-use xavatar_network::{SkinningTrace, Trace};
 
-use super::shading::{Posing, shades};
-use super::{Avatar, BLOCK_ROWS, arrays};
-use crate::body::{BodyParameters, JOINTS};
-use crate::fields::condition;
+use super::{Avatar, arrays};
+use crate::body::Pose;
+use crate::fields::{FieldEvaluator, Shade};
 use crate::{Error, InputError, Result};
 
 /// What the fields say of one canonical point.
@@ -24,15 +21,15 @@ pub struct Sample {
     /// sRGB.
     pub colour: [u8; 3],
     /// How much of each bone's motion the point follows (J); their sum is 1.
-    pub weights: [f32; JOINTS],
+    pub weights: Vec<f32>,
 }
 
 impl Avatar {
-    /// The fields at canonical points (N), under the pose and expression of `parameters`.
+    /// The fields at canonical points (N), under a pose and its expression.
     ///
     /// # Errors
     /// [`Error::Value`] for a point that is not finite.
-    pub fn query(&self, points: &[Vec3], parameters: &BodyParameters) -> Result<Vec<Sample>> {
+    pub fn query(&self, points: &[Vec3], pose: &Pose) -> Result<Vec<Sample>> {
         if let Some(point) = points.iter().find(|point| !point.is_finite()) {
             return Err(Error::from(InputError::Value {
                 name: "a point to query".into(),
@@ -40,25 +37,17 @@ impl Avatar {
                 expected: "finite coordinates".into(),
             }));
         }
-        let network = &self.fields.geometry.mlp;
-        let embedded = network.embed(&condition(parameters));
+        let evaluator = FieldEvaluator::new(&self.fields, &self.condition().of(pose));
         let canonical = arrays(points);
-        let shades = shades(&self.fields, &embedded, &Posing::Canonical, &canonical, points)?;
-        let mut values = vec![0.0; points.len()];
-        let mut weights = vec![0.0; points.len() * JOINTS];
-        let rows = values.par_chunks_mut(BLOCK_ROWS).zip(weights.par_chunks_mut(BLOCK_ROWS * JOINTS));
-        rows.zip(canonical.par_chunks(BLOCK_ROWS)).for_each_init(
-            || (Trace::default(), SkinningTrace::default()),
-            |(geometry, skinning), ((values, weights), points)| {
-                network.forward(geometry, points.as_flattened(), &embedded, &[]);
-                values.copy_from_slice(geometry.output());
-                self.fields.skinning.weights(skinning, points, weights);
-            },
-        );
-        let weights = weights.as_chunks::<JOINTS>().0;
-        let samples = values.into_iter().zip(shades).zip(weights);
-        Ok(samples
-            .map(|((value, (normal, colour)), weights)| Sample { value, normal, colour, weights: *weights })
-            .collect())
+        let (values, weights) = (evaluator.values(&canonical), evaluator.weights(&canonical));
+        let shades = evaluator.shades(&canonical)?;
+        let rows = weights.chunks_exact(self.subject.skeleton.joints.len());
+        let sample = |((value, Shade { normal, colour }), weights): ((f32, Shade), &[f32])| Sample {
+            value,
+            normal,
+            colour,
+            weights: weights.to_vec(),
+        };
+        Ok(values.into_iter().zip(shades).zip(rows).map(sample).collect())
     }
 }

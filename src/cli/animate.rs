@@ -7,11 +7,11 @@ use anyhow::{Context, bail};
 use rayon::prelude::*;
 use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
-use xavatar::body::BodyParameters;
+use xavatar::body::Pose;
 use xavatar::formats::{read_bytes, read_text};
 
 use super::extract::MeshFormat;
-use super::inputs::load_body;
+use super::inputs::body_of;
 use super::json::JsonArgument;
 use super::motion::MotionArguments;
 use super::progress::Progress;
@@ -23,7 +23,7 @@ use super::{Outcome, outputs, stop};
     xavatar animate runs/00016 data/00016/test/Take4 --body models/smplx --out animation\n  \
     xavatar animate avatar.safetensors amass.npz --fps 30 --frames 1..300 --body models/smplx --out animation --format obj\n  \
     xavatar animate runs/00016 walk.bvh --translation origin --body models/smplx --out animation --fixed-topology\n  \
-    xavatar animate runs/00016 dance --body models/smplx --out animation\n\n\
+    xavatar animate runs/demo dance --out animation\n\n\
     Frames are written as they are made. After Ctrl-C or a crash, the same call with --resume makes those that are missing.")]
 pub struct Animate {
     /// An avatar.safetensors or a run's folder
@@ -32,9 +32,9 @@ pub struct Animate {
     /// An X-Humans sequence, AMASS, GRAB or pose estimator's .npz or .pkl, a .bvh (docs/motion.md), or `dance`: a built-in one
     #[arg(value_name = "MOTION")]
     motion: PathBuf,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl
+    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl; the demo's avatar needs none
     #[arg(long, value_name = "BODY")]
-    body: PathBuf,
+    body: Option<PathBuf>,
     /// The folder that gets mesh-f00001.ply and so on; new or empty
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -72,7 +72,7 @@ struct Animated<'a> {
 /// A mesh to be made.
 struct Frame {
     path: PathBuf,
-    parameters: BodyParameters,
+    pose: Pose,
 }
 
 /// What a folder's meshes are made from, so that two animations never mix.
@@ -94,7 +94,7 @@ impl Animate {
     pub fn run(self) -> anyhow::Result<Outcome> {
         self.json.check()?;
         let avatar = Avatar::load(&self.avatar)?;
-        let (body, labels) = load_body(&self.body, avatar.subject.gender)?;
+        let (body, labels) = body_of(&avatar, self.body.as_deref())?;
         let clip = self.options.load(&self.motion, &avatar)?;
         let (total, frames_per_second) = (clip.frames.len(), clip.frames_per_second);
         let avatar_file = if self.avatar.is_dir() { self.avatar.join(Avatar::FILE) } else { self.avatar.clone() };
@@ -112,7 +112,8 @@ impl Animate {
         }
         .claim(&self.out, self.resume)?;
         let file = |number: usize| self.out.join(format!("mesh-f{number:05}.{}", self.format.extension()));
-        let frames = (1..).zip(clip.frames).map(|(number, parameters)| Frame { path: file(number), parameters });
+        let poses = clip.poses(Some(&body))?;
+        let frames = (1..).zip(poses).map(|(number, pose)| Frame { path: file(number), pose });
         let missing: Vec<Frame> = frames.filter(|frame| !frame.path.exists()).collect();
         let kept = total - missing.len();
         if kept > 0 {
@@ -133,15 +134,13 @@ impl Animate {
             dropped_components = topology.dropped_components();
             // Files of different frames are written at the same time.
             for frames in missing.chunks(rayon::current_num_threads()).take_while(|_| !stop.load(Ordering::Relaxed)) {
-                frames
-                    .par_iter()
-                    .try_for_each(|frame| self.format.write(&frame.path, &topology.pose(&frame.parameters)?))?;
+                frames.par_iter().try_for_each(|frame| self.format.write(&frame.path, &topology.pose(&frame.pose)?))?;
                 show(frames.len());
             }
         } else {
             let animator = Animator::new(&avatar, &body, &labels)?;
             for frame in missing.iter().take_while(|_| !stop.load(Ordering::Relaxed)) {
-                let extraction = animator.extract(&frame.parameters, self.resolution)?;
+                let extraction = animator.extract(&frame.pose, self.resolution)?;
                 dropped_components += extraction.dropped_components;
                 self.format.write(&frame.path, &extraction.mesh)?;
                 show(1);

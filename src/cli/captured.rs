@@ -6,7 +6,7 @@ use xavatar::config::{Config, preset_for_rgbd};
 use xavatar::data::{RgbdFrames, RgbdSubject, Subject};
 use xavatar::train::TrainingFrames;
 
-use super::inputs::{SubjectArguments, SubjectFrames, load_body};
+use super::inputs::{Registered, SubjectArguments, SubjectFrames, load_body};
 
 /// A kind of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -20,8 +20,7 @@ pub enum Kind {
 impl Kind {
     /// The kind that was asked for; else scans, unless the folder has only RGB-D frames.
     pub fn of(subject: &SubjectArguments, asked: Option<Self>) -> Self {
-        let has_scans =
-            || Subject::open(&subject.data).is_ok_and(|subject| subject.train.iter().any(|files| files.scan.is_file()));
+        let has_scans = || Subject::open(&subject.data).is_ok_and(|subject| subject.has_scans());
         match asked {
             Some(kind) => kind,
             None if RgbdSubject::is_in(&subject.data) && !has_scans() => Self::Rgbd,
@@ -58,18 +57,17 @@ enum Frames {
 impl Captured {
     /// Finds a subject's training frames of one kind.
     pub fn open(arguments: &SubjectArguments, kind: Kind) -> xavatar::Result<Self> {
-        let (frames, gender) = match kind {
+        match kind {
             Kind::Scans => {
-                let subject = Subject::open(&arguments.data)?;
-                (Frames::Scans(SubjectFrames::new(&subject, &subject.train)), subject.gender)
+                let Registered { subject, body, labels } = arguments.open()?;
+                Ok(Self { frames: Frames::Scans(SubjectFrames::new(&subject, &subject.train)), body, labels })
             }
             Kind::Rgbd => {
                 let subject = RgbdSubject::open(&arguments.data)?;
-                (Frames::Rgbd(subject.training_frames()), subject.gender)
+                let (body, labels) = load_body(&arguments.body, subject.gender)?;
+                Ok(Self { frames: Frames::Rgbd(subject.training_frames()), body, labels })
             }
-        };
-        let (body, labels) = load_body(&arguments.body, gender)?;
-        Ok(Self { frames, body, labels })
+        }
     }
 
     /// The frames, for a trainer.

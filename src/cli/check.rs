@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use serde::Serialize;
 use xavatar::data::{
-    CheckReport, DistanceReport, RgbdCheckReport, RgbdSubject, SequenceReport, Subject, UnusableFrame, check,
+    CheckReport, DistanceReport, Finding, RgbdCheckReport, RgbdSubject, SequenceReport, Subject, UnusableFrame, check,
     check_rgbd,
 };
 
@@ -14,15 +14,22 @@ use super::inputs::{SubjectArguments, load_body};
 use super::json::JsonArgument;
 use super::progress::Progress;
 
-/// Report what would go wrong in training: frames, sizes, units, distances, conventions
+/// Report what would go wrong in training: frames, units, places, distances, conventions, broken scans
 ///
 /// Looks at the scans and at the RGB-D frames, whichever there are.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  xavatar check data/00016 --body models/smplx\n\n\
-    Exits with 1 if training would fail: from scans if there are any, else from RGB-D frames.")]
+#[command(after_help = "Examples:\n  \
+    xavatar check data/00016 --body models/smplx\n  \
+    xavatar check data/anna --body models/smplx --fix\n\n\
+    Exits with 1 if training would fail: from scans if there are any, else from RGB-D frames.\n\
+    Each finding has a name; `xavatar train --accept NAME` trains in spite of it.")]
 pub struct Check {
     #[command(flatten)]
     subject: SubjectArguments,
+    /// Where one unit, turn, mirror or shift brings all scans onto their bodies, record it in DATA/mended.toml, which every verb
+    /// applies as it reads the scans, and check again. No file of the data is changed
+    #[arg(long)]
+    fix: bool,
     #[command(flatten)]
     json: JsonArgument,
 }
@@ -40,11 +47,12 @@ impl Check {
     pub fn run(self) -> anyhow::Result<Outcome> {
         self.json.check()?;
         let has_pictures = RgbdSubject::is_in(&self.subject.data);
-        let has_scans = || {
-            let subject = Subject::open(&self.subject.data);
-            subject.is_ok_and(|subject| subject.train.iter().chain(&subject.test).any(|files| files.scan.is_file()))
-        };
+        let has_scans = || Subject::open(&self.subject.data).is_ok_and(|subject| subject.has_scans());
         let scans = if !has_pictures || has_scans() { Some(self.check_scans()?) } else { None };
+        let scans = match scans {
+            Some(report) if self.fix => Some(self.mended(report)?),
+            scans => scans,
+        };
         let rgbd = if has_pictures { Some(self.check_rgbd()?) } else { None };
         let report = Report { scans, rgbd };
         self.json.print(&report, &report)?;
@@ -55,6 +63,17 @@ impl Check {
         let opened = self.subject.open()?;
         let total = opened.subject.train.len() + opened.subject.test.len();
         with_progress("scans", total, |done| Ok(check(&opened.subject, &opened.body, &opened.labels, done)?))
+    }
+
+    /// Records what mends the scans, if it is one placement, and checks them again.
+    fn mended(&self, found: CheckReport) -> anyhow::Result<CheckReport> {
+        let Some(placement) = found.mend else {
+            log::info!("nothing to record: no unit, turn, mirror or shift mends all scans");
+            return Ok(found);
+        };
+        found.problems.iter().for_each(|problem| log::info!("found: {problem}"));
+        log::info!("recorded in {}", placement.write(&self.subject.data)?.display());
+        self.check_scans()
     }
 
     fn check_rgbd(&self) -> anyhow::Result<RgbdCheckReport> {
@@ -69,7 +88,7 @@ impl Report {
     /// Whether what `train` would choose can be trained on.
     fn is_fit(&self) -> bool {
         match (&self.scans, &self.rgbd) {
-            (Some(scans), _) => scans.problems.is_empty(),
+            (Some(scans), _) => scans.is_fit(),
             (None, Some(rgbd)) => rgbd.problems.is_empty(),
             (None, None) => true,
         }
@@ -105,12 +124,16 @@ impl fmt::Display for Report {
 }
 
 fn write_scans(f: &mut Formatter<'_>, report: &CheckReport) -> fmt::Result {
-    writeln!(f, "subject            {}, {:.2} m", report.gender, report.body_height)?;
+    writeln!(f, "subject            {}, {:.2} m; {}", report.gender, report.body_height, report.layout)?;
     writeln!(f, "part labels        {}", report.part_labels)?;
     write_sequences(f, &report.sequences)?;
-    writeln!(f, "measured           {} frames, {} watertight", report.measured_frames, report.watertight_scans)?;
+    writeln!(
+        f,
+        "inspected          {} scans, {} watertight, {} with colours",
+        report.inspected_frames, report.watertight_scans, report.coloured_scans
+    )?;
     if let Some(ratio) = report.scan_to_body_height {
-        writeln!(f, "scan : body height {ratio:.3} ({})", report.scan_unit.unwrap_or("of no known unit"))?;
+        writeln!(f, "scan : body height {ratio:.3}")?;
     }
     if let Some(hands) = report.hands {
         writeln!(
@@ -152,7 +175,7 @@ fn write_sequences(f: &mut Formatter<'_>, sequences: &[SequenceReport]) -> fmt::
 fn write_distances<'a>(
     f: &mut Formatter<'_>,
     name: &str,
-    distances: impl Iterator<Item = (&'a &'static str, &'a DistanceReport)>,
+    distances: impl Iterator<Item = (&'a String, &'a DistanceReport)>,
 ) -> fmt::Result {
     writeln!(f, "{name:<18} {:>10} {:>10}", "median", "95 %")?;
     for (part, distance) in distances {
@@ -165,17 +188,17 @@ fn write_verdict(
     f: &mut Formatter<'_>,
     ready: &str,
     unusable: &[UnusableFrame],
-    warnings: &[String],
-    problems: &[String],
+    warnings: &[Finding],
+    problems: &[Finding],
 ) -> fmt::Result {
     for frame in unusable {
         writeln!(f, "unusable: {}: {}", frame.frame, frame.reason)?;
     }
     for warning in warnings {
-        writeln!(f, "warning: {warning}")?;
+        writeln!(f, "warning ({}): {}", warning.name, warning.message)?;
     }
     for problem in problems {
-        writeln!(f, "problem: {problem}")?;
+        writeln!(f, "problem ({}): {}", problem.name, problem.message)?;
     }
     writeln!(f, "{}{ready}", if problems.is_empty() { "" } else { "not " })
 }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail};
 use xavatar::avatar::{Animator, Avatar};
-use xavatar::body::{BodyModel, Gender};
+use xavatar::body::Gender;
 use xavatar::config::Config;
 use xavatar::data::{ScanFrame, write_subject};
 use xavatar::evaluate::{Evaluation, SmplxD};
@@ -123,7 +123,7 @@ impl Demo {
         }
         let trained = trainer.run(stop, &mut progress)?;
         let shown = match trained {
-            Ending::Finished => self.show(&trainer.avatar(), &subject, &scans, size, stop, &mut progress)?,
+            Ending::Finished => self.show(&trainer.avatar()?, &subject, &scans, size, stop, &mut progress)?,
             Ending::Stopped => Ending::Stopped,
         };
         match shown {
@@ -179,12 +179,12 @@ impl Demo {
             }
             let share = index as f64 / (unseen.frames().len() + 1) as f64;
             progress.show("meshes", share, &format!("unseen pose {}", index + 1));
-            let mesh = animator.extract(&frame.parameters, size.resolution)?.mesh;
+            let mesh = animator.extract(&subject.model().resolve(&frame.parameters)?, size.resolution)?.mesh;
             write_ply(meshes.join(format!("unseen-f{:05}.ply", frame.id.number)), &mesh)?;
             gallery.add_pose(&frame.scan, &mesh);
             posed.push(mesh);
         }
-        let canonical = BodyModel::canonical_parameters(&subject.betas());
+        let canonical = subject.model().skeleton().canonical_pose(subject.betas());
         let canonical = avatar.extract_canonical(&canonical, size.resolution)?.mesh;
         write_ply(meshes.join("canonical.ply"), &canonical)?;
         let picture = self.out.join("demo.png");
@@ -201,7 +201,7 @@ impl Demo {
         };
         // Frames of one take are numbered from 1 in order.
         let predict = |frame: &ScanFrame| Ok(posed[frame.id.number as usize - 1].clone());
-        let measured = evaluation.run(unseen.frames().iter().cloned().map(Ok), predict, |_| {})?;
+        let measured = evaluation.run(unseen.frames().iter().cloned().map(Ok), |frame, _| predict(frame), |_| {})?;
         progress.finish();
         let shown = report::best_and_worst(&measured, |name| {
             let frame = unseen.frames().iter().find(|frame| frame.id.to_string() == name);
@@ -249,9 +249,12 @@ fn write_data(folder: &Path, size: &Size) -> anyhow::Result<Outcome> {
         .into_iter()
         .flat_map(|(split, count)| (0..count).map(move |index| (split, index, count)))
         .map(|(split, index, count)| subject.frame(split, index, count));
-    write_subject(folder, Gender::Neutral, &subject.betas(), frames)?;
+    write_subject(folder, Gender::Neutral, subject.betas(), frames)?;
     write_npz(body.join("SMPLX_NEUTRAL.npz"), subject.model_arrays())?;
-    write_pickle(body.join("neutral_vertex_labels.pkl"), &subject.part_labels().to_vertex_labels())?;
+    write_pickle(
+        body.join("neutral_vertex_labels.pkl"),
+        &subject.part_labels().to_vertex_labels(subject.model().skeleton()),
+    )?;
     let (data, body) = (folder.display(), body.display());
     outputs::print(&format!("{data}\n"))?;
     log::info!(

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::ValueEnum;
 use xavatar::avatar::{Animator, Avatar};
-use xavatar::data::ScanFrame;
+use xavatar::body::Pose;
 use xavatar::evaluate::{Evaluation, SmplxD};
 use xavatar::report::{REPORT_FILE, Report, machine};
 
@@ -75,18 +75,22 @@ impl Eval {
         let animator = Animator::new(&avatar, &opened.body, &opened.labels)?;
         let mut progress = Progress::new();
         let (mut done, total) = (0, files.len());
-        let predict = |frame: &ScanFrame| Ok(animator.extract(&frame.parameters, self.resolution)?.mesh);
-        let measured = evaluation.run(frames.iter(), predict, |frame| {
-            done += 1;
-            let distance = frame.metrics.all.map_or_else(String::new, |all| format!("  CD {:.2} mm", all.cd_mm));
-            progress.show("frames", f64::from(done) / total as f64, &format!("{}{distance}", frame.frame));
-        })?;
+        let predict = |pose: &Pose| Ok::<_, xavatar::Error>(animator.extract(pose, self.resolution)?.mesh);
+        let measured = evaluation.run(
+            frames.iter(),
+            |_, pose| predict(pose),
+            |frame| {
+                done += 1;
+                let distance = frame.metrics.all.map_or_else(String::new, |all| format!("  CD {:.2} mm", all.cd_mm));
+                progress.show("frames", f64::from(done) / total as f64, &format!("{}{distance}", frame.frame));
+            },
+        )?;
         progress.finish();
         self.json.print(&measured, &measured)?;
         let Some(page) = self.page() else { return Ok(Outcome::Done) };
         let shown = report::best_and_worst(&measured, |name| {
             let frame = frames.named(name).context("a frame that was just measured is gone")??;
-            let mesh = predict(&frame)?;
+            let mesh = predict(&opened.body.resolve(&frame.parameters)?)?;
             Ok((frame, mesh))
         })?;
         let rig = report::dancing_rig(&avatar, &opened.body)?;

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use serde::Serialize;
 use xavatar::avatar::{Avatar, Extraction};
-use xavatar::body::BodyModel;
 use xavatar::data::{MotionOptions, RestPose};
 use xavatar::mesh::{FINEST_RESOLUTION, TriangleMesh, write_obj, write_ply};
 use xavatar::synthetic::load_clip;
@@ -60,11 +59,15 @@ impl Extract {
                 let (body, labels) = load_body(body, avatar.subject.gender)?;
                 let rest = RestPose::of_canonical(&avatar.subject.joints)?;
                 let clip = load_clip(pose, &MotionOptions { rest, ..MotionOptions::default() })?;
-                clip.warnings.iter().for_each(|line| log::warn!("{line}"));
-                let parameters = clip.frames.into_iter().next().unwrap_or_default();
-                avatar.extract_posed(&body, &labels, &parameters, self.resolution)?
+                super::motion::warn(&clip);
+                let first = clip.poses(Some(&body))?.into_iter().next();
+                let pose = first.unwrap_or_else(|| body.skeleton().rest_pose());
+                avatar.extract_posed(&body, &labels, &pose, self.resolution)?
             }
-            _ => avatar.extract_canonical(&BodyModel::canonical_parameters(&avatar.subject.betas), self.resolution)?,
+            _ => {
+                let canonical = avatar.subject.skeleton.canonical_pose(&avatar.subject.betas);
+                avatar.extract_canonical(&canonical, self.resolution)?
+            }
         };
         if dropped_components > 0 {
             log::info!("kept the largest part; {dropped_components} smaller ones left out");

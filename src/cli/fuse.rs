@@ -4,14 +4,15 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use image::RgbImage;
+use xavatar::body::Role;
 use xavatar::config::Config;
-use xavatar::data::{RgbdSource, RgbdSubject, Subject};
+use xavatar::data::{RgbdSource, RgbdSubject};
 use xavatar::evaluate::{FusionRow, FusionTable, SomeFrames, turned};
 use xavatar::render::{Plot, Series, write_png};
 use xavatar::train::TrainingFrames;
 
 use super::captured::Kind;
-use super::inputs::{Split, SubjectArguments, SubjectFrames, load_body};
+use super::inputs::{Registered, Split, SubjectArguments, SubjectFrames};
 use super::json::JsonArgument;
 use super::measured_run::{MeasuredRun, RunMetrics, Yardstick};
 use super::progress::Progress;
@@ -63,9 +64,8 @@ impl Fuse {
         let runs: Vec<_> = self.turns.iter().map(|turn| (*turn, self.run_of(*turn, &config))).collect();
         self.refuse_other_folders(&runs)?;
         self.json.check()?;
-        let subject = Subject::open(&self.subject.data)?;
+        let Registered { subject, body, labels } = self.subject.open()?;
         let source = RgbdSubject::open(&self.subject.data)?.training_frames();
-        let (body, labels) = load_body(&self.subject.body, subject.gender)?;
         outputs::existing_folder(&self.out)?;
         let stop = stop::on_interrupt()?;
         let yardstick = Yardstick {
@@ -127,12 +127,15 @@ impl Fuse {
 
 /// The chamfer distances of the table as lines.
 fn picture(table: &FusionTable) -> xavatar::formats::Result<RgbImage> {
-    let series = ["all", "hands", "face"].iter().enumerate().map(|(part, name)| Series {
-        name: (*name).into(),
+    let parts = [("all", None), ("hands", Some(Role::Hands)), ("face", Some(Role::Face))];
+    let has = |role: Role| table.rows.iter().any(|row| row.mean.by_role.contains_key(&role));
+    let series = parts.into_iter().filter(|(_, role)| role.is_none_or(has)).map(|(name, role)| Series {
+        name: name.into(),
         points: table
             .rows
             .iter()
-            .map(|row| (row.turn, row.parts()[part].map_or(f64::NAN, |part| part.cd_mm)))
+            .map(|row| (row.turn, role.map_or(row.mean.all, |role| row.mean.of(role))))
+            .map(|(turn, metrics)| (turn, metrics.map_or(f64::NAN, |metrics| metrics.cd_mm)))
             .collect(),
     });
     let plot = Plot {

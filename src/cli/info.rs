@@ -4,26 +4,28 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{Context, anyhow, bail};
+use glam::DVec3;
 use serde::Serialize;
+use xavatar::InputError;
 use xavatar::avatar::{Avatar, Subject};
 use xavatar::body::{BodyModel, Gender, PartLabels};
 use xavatar::config::Config;
 use xavatar::data::{Clip, Motion, MotionOptions, read_motion};
-use xavatar::fields::FIELD_NAMES;
 use xavatar::formats::Shown;
-use xavatar::formats::{Array, ArrayFile, ArrayMap, Container, Error as InputError, read_pickle};
-use xavatar::mesh::{Colouring, Topology, read_mesh};
+use xavatar::formats::{Array, ArrayFile, ArrayMap, Container, read_pickle};
+use xavatar::mesh::{Colouring, MESH_EXTENSIONS, Note, ReadMesh, SurfacePoint, Topology, TriangleMesh, read_mesh};
 
 use super::Outcome;
+use super::described_subject::SubjectDescription;
 use super::json::JsonArgument;
 
-/// Say what a file holds: avatars, runs, body models, motions, arrays, meshes
+/// Say what a file or folder holds: avatars, runs, subjects, body models, motions, arrays, meshes
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
-    xavatar info runs/00016\n  xavatar info models/smplx/SMPLX_NEUTRAL.npz\n  xavatar info runs/00016 --json -")]
+    xavatar info runs/00016\n  xavatar info data/00016\n  xavatar info models/smplx/SMPLX_NEUTRAL.npz\n  xavatar info runs/00016 --json -")]
 pub struct Info {
-    /// A run's folder, .safetensors, .npz, .npy, .pkl, .pt, .json, .bvh, .ply or .obj
+    /// The folder of a run or a subject, .safetensors, .npz, .npy, .pkl, .pt, .json, .bvh, .ply, .obj or .glb
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
@@ -37,11 +39,13 @@ impl Info {
         if !path.exists() {
             bail!("{}: no such file or folder", path.display());
         }
-        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-        let content = match extension {
-            _ if path.is_dir() || extension == "safetensors" => of_avatar(path)?,
+        let extension =
+            path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let content = match extension.as_str() {
+            _ if path.is_dir() => of_folder(path)?,
+            "safetensors" => of_avatar(path)?,
             "bvh" => of_motion(read_motion(path)?, Arrays::new()),
-            "ply" | "obj" => of_mesh(path)?,
+            extension if MESH_EXTENSIONS.contains(&extension) => of_mesh(path)?,
             _ => of_array_file(path)?,
         };
         self.json.print(&content, &content)?;
@@ -49,18 +53,61 @@ impl Info {
     }
 }
 
+/// A run, or a subject: whichever the folder has files of.
+fn of_folder(path: &Path) -> anyhow::Result<Content> {
+    if [Avatar::FILE, RUN_CONFIGURATION].iter().any(|file| path.join(file).is_file()) {
+        return of_avatar(path);
+    }
+    let subject = SubjectDescription::of(path)
+        .with_context(|| format!("{}: neither a run's folder nor a subject's", path.display()))?;
+    Ok(Content::Subject(subject))
+}
+
+/// The file that a run's folder has before its avatar.
+const RUN_CONFIGURATION: &str = "config.toml";
+
 /// What a file holds. `Display` is for people, serde for scripts.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 enum Content {
     Avatar(Box<AvatarDescription>),
-    BodyModel { gender: Option<Gender>, vertices: usize, faces: usize, part_labels: String, arrays: Arrays },
-    UnusableBodyModel { problem: String, arrays: Arrays },
-    Motion { frames: usize, frames_per_second: Option<f32>, source: String, report: Vec<String>, arrays: Arrays },
-    Arrays { arrays: Arrays, problem: Option<String> },
+    Subject(SubjectDescription),
+    BodyModel {
+        gender: Option<Gender>,
+        vertices: usize,
+        faces: usize,
+        part_labels: String,
+        arrays: Arrays,
+    },
+    UnusableBodyModel {
+        problem: String,
+        arrays: Arrays,
+    },
+    Motion {
+        frames: usize,
+        frames_per_second: Option<f32>,
+        source: String,
+        report: Vec<String>,
+        arrays: Arrays,
+    },
+    Arrays {
+        arrays: Arrays,
+        problem: Option<String>,
+    },
     Array(ArrayDescription),
-    Pickle { holds: &'static str },
-    Mesh { vertices: usize, faces: usize, colours: String, watertight: bool, open_edges: usize, parts: usize },
+    Pickle {
+        holds: &'static str,
+    },
+    Mesh {
+        vertices: usize,
+        faces: usize,
+        colours: String,
+        mean_colour: Option<[u8; 3]>,
+        watertight: bool,
+        open_edges: usize,
+        parts: usize,
+        notes: Vec<Note>,
+    },
 }
 
 type Arrays = BTreeMap<String, ArrayDescription>;
@@ -94,13 +141,17 @@ impl ArrayDescription {
 
 fn of_avatar(path: &Path) -> anyhow::Result<Content> {
     let Avatar { fields, config, subject, steps } = Avatar::load(path)?;
-    let parameters = FIELD_NAMES.into_iter().zip(fields.networks());
-    let voxels = fields.skinning.voxels();
+    let counts = fields.parameters().map(<[f32]>::len);
+    let skinning_grid = fields.skinning.nodes().map(|nodes| (counts.skinning, nodes));
+    let mut parameters = BTreeMap::from(counts.named());
+    if skinning_grid.is_some() {
+        parameters.remove("skinning");
+    }
     Ok(Content::Avatar(Box::new(AvatarDescription {
         steps,
         surface: format!("{:?}", fields.geometry.representation),
-        parameters: parameters.map(|(name, network)| (name, network.parameters().len())).collect(),
-        skinning_grid: voxels.map(|voxels| (voxels.parameters().len(), voxels.baked().grid().len())),
+        parameters,
+        skinning_grid,
         subject,
         config,
     })))
@@ -111,10 +162,13 @@ fn of_array_file(path: &Path) -> anyhow::Result<Content> {
     let Some(file) = ArrayFile::read(path)? else {
         return match read_motion(path) {
             Ok(motion) => Ok(of_motion(motion, Arrays::new())),
-            Err(_) => bail!(
-                "{}: expected a run's folder, .safetensors, .npz, .npy, .pkl, .pt, .json, .bvh, .ply or .obj",
-                path.display()
-            ),
+            Err(_) => of_mesh(path).map_err(|error| match error {
+                // That of a file of another kind, which may be none of a mesh.
+                InputError::Mismatch { .. } => {
+                    anyhow!("{error}; or give a run's folder, .safetensors, .npz, .npy, .pkl, .pt, .json or .bvh")
+                }
+                other => other.into(),
+            }),
         };
     };
     Ok(match file.single() {
@@ -147,7 +201,8 @@ fn of_motion(motion: Motion, arrays: Arrays) -> Content {
     let report = Clip::of(motion, &MotionOptions::default()).map_or_else(
         |error| vec![error.to_string()],
         |clip| {
-            let warnings = clip.warnings.into_iter().map(|line| format!("warning: {line}"));
+            let warnings =
+                clip.warnings.iter().map(|warning| format!("warning: {}", super::motion::described(warning)));
             clip.report.into_iter().chain(warnings).collect()
         },
     );
@@ -168,8 +223,8 @@ fn of_body(path: &Path, arrays: &ArrayMap, described: Arrays) -> Content {
     }
 }
 
-fn of_mesh(path: &Path) -> anyhow::Result<Content> {
-    let mesh = read_mesh(path)?;
+fn of_mesh(path: &Path) -> Result<Content, InputError> {
+    let ReadMesh { mesh, notes } = read_mesh(path)?;
     let topology = Topology::of(&mesh.merged_by_position());
     Ok(Content::Mesh {
         vertices: mesh.vertices.len(),
@@ -179,16 +234,32 @@ fn of_mesh(path: &Path) -> anyhow::Result<Content> {
             Colouring::Vertex(_) => "vertex colours".into(),
             Colouring::Texture { image, .. } => format!("a texture of {} x {}", image.width(), image.height()),
         },
+        mean_colour: mean_colour(&mesh),
         watertight: topology.is_watertight(),
         open_edges: topology.open_edges,
         parts: topology.components,
+        notes,
     })
+}
+
+/// The mean sRGB colour at the faces' centres; of vertices where there are no faces.
+fn mean_colour(mesh: &TriangleMesh) -> Option<[u8; 3]> {
+    let centre = |face| SurfacePoint { face, barycentric: [1.0 / 3.0; 3] };
+    let colours: Vec<DVec3> = match &mesh.colouring {
+        Colouring::Vertex(colours) if mesh.faces.is_empty() => {
+            colours.iter().map(|colour| DVec3::from(colour.map(f64::from)) / 255.0).collect()
+        }
+        _ => (0..mesh.faces.len() as u32).filter_map(|face| Some(mesh.colour_at(&centre(face))?.as_dvec3())).collect(),
+    };
+    let mean = colours.iter().sum::<DVec3>() / colours.len() as f64;
+    (!colours.is_empty()).then(|| mean.to_array().map(|channel| (channel * 255.0).round() as u8))
 }
 
 impl fmt::Display for Content {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Avatar(avatar) => write!(formatter, "{avatar}"),
+            Self::Subject(subject) => write!(formatter, "{subject}"),
             Self::BodyModel { gender, vertices, faces, part_labels, arrays } => {
                 let gender = gender.map_or("of no stated gender".into(), |gender| gender.to_string());
                 writeln!(formatter, "SMPL-X body model, {gender}: {vertices} vertices, {faces} faces")?;
@@ -211,10 +282,12 @@ impl fmt::Display for Content {
             }
             Self::Array(array) => writeln!(formatter, "{}", array.description),
             Self::Pickle { holds } => writeln!(formatter, "pickled {holds}"),
-            Self::Mesh { vertices, faces, colours, watertight, open_edges, parts } => {
+            Self::Mesh { vertices, faces, colours, mean_colour, watertight, open_edges, parts, notes } => {
                 let watertight = if *watertight { "watertight" } else { "not watertight" };
-                writeln!(formatter, "mesh: {vertices} vertices, {faces} faces, {colours}")?;
-                writeln!(formatter, "{watertight}; {open_edges} open edges, {parts} parts")
+                let mean = mean_colour.map_or_else(String::new, |[r, g, b]| format!(", ({r}, {g}, {b}) on average"));
+                writeln!(formatter, "mesh: {vertices} vertices, {faces} faces, {colours}{mean}")?;
+                writeln!(formatter, "{watertight}; {open_edges} open edges, {parts} parts")?;
+                notes.iter().try_for_each(|note| writeln!(formatter, "warning: {note}"))
             }
         }
     }
@@ -223,7 +296,7 @@ impl fmt::Display for Content {
 impl fmt::Display for AvatarDescription {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { steps, surface, parameters, skinning_grid, subject, config } = self;
-        let Subject { gender, frames, betas, bounds: (low, high), .. } = subject;
+        let Subject { gender, frames, betas, skeleton, bounds: (low, high), .. } = subject;
         writeln!(
             formatter,
             "avatar of a {gender} subject: preset {}, {steps} steps on {frames} frames",
@@ -236,6 +309,7 @@ impl fmt::Display for AvatarDescription {
         if let Some((logits, nodes)) = skinning_grid {
             writeln!(formatter, "skinning: {logits} logits at {nodes} nodes")?;
         }
+        writeln!(formatter, "{}: {}", skeleton.description(), skeleton.joints.join(", "))?;
         writeln!(formatter, "betas: {betas:?}\ncanonical box: {low} to {high} m")?;
         writeln!(formatter, "configuration:\n{}", config.to_toml().map_err(|_| fmt::Error)?.trim_end())
     }

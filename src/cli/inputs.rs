@@ -2,18 +2,21 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
+use xavatar::avatar::Avatar;
 use xavatar::body::{BodyModel, Gender, PartLabels};
 use xavatar::data::{FrameFiles, FrameId, FrameSource, ScanFrame, Subject, read_frame};
+use xavatar::synthetic::BuiltInSubject;
 
 /// A subject's folder and its body model.
 #[derive(clap::Args)]
 pub struct SubjectArguments {
-    /// The subject's folder, in the X-Humans layout or with a rgbd.toml
+    /// The subject's folder, in any layout of docs/formats.md or with a rgbd.toml
     #[arg(value_name = "DATA")]
     pub data: PathBuf,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl (the subject's gender.txt chooses)
+    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl (the subject's gender chooses)
     #[arg(long, value_name = "BODY")]
     pub body: PathBuf,
 }
@@ -53,7 +56,7 @@ impl SubjectArguments {
     pub fn open(&self) -> xavatar::Result<Registered> {
         let subject = Subject::open(&self.data)?;
         let (body, labels) = load_body(&self.body, subject.gender)?;
-        Ok(Registered { subject, body, labels })
+        Ok(Registered { subject: subject.settled(&body)?, body, labels })
     }
 }
 
@@ -64,11 +67,31 @@ pub fn load_body(path: &Path, gender: Gender) -> xavatar::Result<(BodyModel, Par
     Ok((body, labels))
 }
 
+/// The body model of an avatar: the one that is given, or the built-in subject's, if the avatar is of that.
+pub fn body_of(avatar: &Avatar, path: Option<&Path>) -> anyhow::Result<(BodyModel, PartLabels)> {
+    match path {
+        Some(path) => Ok(load_body(path, avatar.subject.gender)?),
+        None => built_in_body(avatar)?
+            .context("the avatar is not the demo's, so its body model has to be given: --body FILE or FOLDER"),
+    }
+}
+
+/// The built-in subject's body, if the avatar has its skeleton.
+pub fn built_in_body(avatar: &Avatar) -> anyhow::Result<Option<(BodyModel, PartLabels)>> {
+    /// Joints closer than this are the same, metres.
+    const SAME_JOINT: f32 = 1e-4;
+    let subject = BuiltInSubject::new()?;
+    let joints = subject.model().canonical_joints(&avatar.subject.betas)?;
+    let is_same = joints.len() == avatar.subject.joints.len()
+        && joints.iter().zip(&avatar.subject.joints).all(|(joint, own)| joint.distance(*own) < SAME_JOINT);
+    Ok(is_same.then(|| (subject.model().clone(), subject.part_labels().clone())))
+}
+
 /// Frames of a subject, read when they are asked for.
 pub struct SubjectFrames {
     files: Vec<FrameFiles>,
     ids: Vec<FrameId>,
-    betas: [f32; 10],
+    betas: Vec<f32>,
     gender: Gender,
 }
 
@@ -78,7 +101,7 @@ impl SubjectFrames {
         Self {
             files: files.to_vec(),
             ids: files.iter().map(|files| files.id.clone()).collect(),
-            betas: subject.betas,
+            betas: subject.betas.clone(),
             gender: subject.gender,
         }
     }
@@ -109,8 +132,8 @@ impl FrameSource for SubjectFrames {
         read_frame(&self.files[index], &self.betas)
     }
 
-    fn betas(&self) -> [f32; 10] {
-        self.betas
+    fn betas(&self) -> &[f32] {
+        &self.betas
     }
 
     fn gender(&self) -> Gender {

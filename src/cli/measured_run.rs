@@ -118,7 +118,7 @@ impl Yardstick<'_> {
         let mut progress = Progress::new();
         let report = evaluation.run(
             self.scans.iter(),
-            |frame| Ok(animator.extract(&frame.parameters, self.resolution)?.mesh),
+            |_, pose| Ok(animator.extract(pose, self.resolution)?.mesh),
             |frame| {
                 done += 1;
                 progress.show("measuring", f64::from(done) / total as f64, &frame.frame);

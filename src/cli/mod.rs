@@ -13,6 +13,7 @@ mod check;
 mod completions;
 mod convert;
 mod demo;
+mod described_subject;
 mod doctor;
 mod eval;
 mod export;
@@ -22,6 +23,7 @@ mod gallery;
 mod info;
 mod inputs;
 mod json;
+mod man;
 mod measured_run;
 mod messages;
 mod motion;
@@ -36,9 +38,12 @@ mod train;
 mod training;
 mod view;
 
+use std::borrow::Cow;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use xavatar::formats::Choice;
+use xavatar::{Error, InputError};
 
 const EXIT_FAILED: u8 = 1;
 const EXIT_WRONG_USAGE: u8 = 2;
@@ -81,6 +86,7 @@ enum Verb {
     View(view::View),
     RenderRgbd(render_rgbd::RenderRgbd),
     Completions(completions::Completions),
+    Man(man::Manual),
 }
 
 /// How a verb that did not fail ended.
@@ -106,7 +112,7 @@ pub fn main() -> ExitCode {
         Ok(Outcome::Unfit) => EXIT_FAILED.into(),
         Ok(Outcome::Stopped) => EXIT_STOPPED.into(),
         Err(error) => {
-            log::error!("{}", message(&error));
+            log::error!("{}{}", message(&error), advice(&error));
             if error.is::<WrongUsage>() { EXIT_WRONG_USAGE } else { EXIT_FAILED }.into()
         }
     }
@@ -121,6 +127,30 @@ fn message(error: &anyhow::Error) -> String {
         }
     }
     message
+}
+
+/// The option that does what the error's remedy says, where this program has one.
+fn advice(error: &anyhow::Error) -> String {
+    let choice_of = |cause: &(dyn std::error::Error + 'static)| match cause.downcast_ref::<Error>() {
+        Some(error) => error.choice(),
+        None => cause.downcast_ref::<InputError>()?.remedy()?.choice(),
+    };
+    error.chain().find_map(choice_of).map_or_else(String::new, |choice| format!(" ({})", option(choice)))
+}
+
+/// What this program calls a choice.
+fn option(choice: Choice) -> Cow<'static, str> {
+    match choice {
+        Choice::SkipBadFrames => "--skip-bad-frames".into(),
+        Choice::ContinueRun => "--resume".into(),
+        Choice::StartRun => "the same command without --resume".into(),
+        Choice::Accept(defect) => format!("--accept {defect}").into(),
+        Choice::CheckData => "xavatar check".into(),
+        Choice::BoneMap => "--bones map.toml".into(),
+        Choice::UpAxis => "--up, --from camera".into(),
+        Choice::FrameRate => "--source-fps".into(),
+        Choice::LearningRate => "--set optimiser.learning_rate=...".into(),
+    }
 }
 
 fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
@@ -146,6 +176,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::View(verb) => verb.run(),
         Verb::RenderRgbd(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
+        Verb::Man(verb) => verb.run(CommandLine::command()),
     }
 }
 

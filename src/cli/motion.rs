@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
-use xavatar::data::{Clip, Coordinates, HandConvention, MotionOptions, RestPose, Translation, UpAxis};
+use xavatar::data::{Clip, Coordinates, HandConvention, MotionOptions, RestPose, Translation, UpAxis, Warning};
 use xavatar::formats::read_text;
 use xavatar::synthetic::load_clip;
 
@@ -92,7 +92,7 @@ impl MotionArguments {
     pub fn load(&self, motion: &Path, avatar: &Avatar) -> anyhow::Result<Clip> {
         let clip = load_clip(motion, &self.options(avatar)?)?;
         clip.report.iter().for_each(|line| log::info!("{line}"));
-        clip.warnings.iter().for_each(|line| log::warn!("{line}"));
+        warn(&clip);
         Ok(clip)
     }
 
@@ -143,6 +143,17 @@ impl MotionArguments {
             bone_map: self.bones.as_deref().map(read_bone_map).transpose()?,
         })
     }
+}
+
+/// Says what may be wrong with a motion, and the option for it.
+pub fn warn(clip: &Clip) {
+    clip.warnings.iter().for_each(|warning| log::warn!("{}", described(warning)));
+}
+
+/// A warning, with the option for it.
+pub fn described(warning: &Warning) -> String {
+    let option = warning.choice.map_or_else(String::new, |choice| format!(" ({})", option(choice)));
+    format!("{warning}{option}")
 }
 
 fn read_bone_map(path: &Path) -> anyhow::Result<BTreeMap<String, String>> {

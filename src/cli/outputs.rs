@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use xavatar::formats::harmless;
+use xavatar::formats::{harmless, is_vacant, write_atomically};
 
 /// Makes the folder, which may be there but must be empty.
 pub fn new_folder(folder: &Path, remedy: &str) -> anyhow::Result<()> {
@@ -19,13 +19,9 @@ pub fn existing_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())
 }
 
-/// Whether there is nothing of this name, or an empty folder.
+/// Whether there is nothing of this name, or a folder in which nothing was finished.
 pub fn is_new_or_empty(folder: &Path) -> anyhow::Result<bool> {
-    match std::fs::read_dir(folder) {
-        Ok(mut entries) => Ok(entries.next().is_none()),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(true),
-        Err(error) => Err(error).with_context(|| folder.display().to_string()),
-    }
+    Ok(is_vacant(folder)?)
 }
 
 /// Checks, before the work, that a file can be written: its folder is there, and it is not, or is empty.
@@ -55,16 +51,7 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> anyhow::Result<
 
 /// Writes a text file.
 pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
-    let write = || {
-        let mut partial = tempfile::Builder::new();
-        // Temporary files are private by default; results are for everyone the umask allows.
-        #[cfg(unix)]
-        partial.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut partial = partial.prefix(".partial-").tempfile_in(folder_of(path))?;
-        partial.write_all(text.as_bytes())?;
-        partial.persist(path).map(drop).map_err(|failure| failure.error)
-    };
-    write().with_context(|| path.display().to_string())
+    Ok(write_atomically(path, |file| file.write_all(text.as_bytes()))?)
 }
 
 fn folder_of(path: &Path) -> PathBuf {

@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use serde::Serialize;
-use xavatar::body::{Part, Registration};
+use xavatar::body::Registration;
 use xavatar::data::{PointCloud, RgbdFiles, RgbdSubject};
 use xavatar::mesh::write_ply;
+use xavatar::report::part_colour;
 
 use super::inputs::load_body;
 use super::json::JsonArgument;
@@ -48,7 +49,7 @@ struct Written<'a> {
     points: usize,
     /// Points by part, where parts were asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
-    parts: Option<BTreeMap<&'static str, usize>>,
+    parts: Option<BTreeMap<String, usize>>,
 }
 
 impl PointCloudOf {
@@ -61,11 +62,12 @@ impl PointCloudOf {
         let mut counts = None;
         if let Some(body) = &self.body {
             let (body, labels) = load_body(body, subject.gender)?;
-            let registered = body.pose(&frame.parameters)?;
+            let registered = body.pose(&body.resolve(&frame.parameters)?)?;
             let parts = cloud.parts(&Registration::new(&registered.vertices, &labels)?);
-            cloud.colours = parts.iter().map(|part| colour_of(*part)).collect();
-            let count = |part: Part| parts.iter().filter(|found| **found == part).count();
-            counts = Some(Part::ALL.map(|part| (name_of(part), count(part))).into());
+            cloud.colours = parts.iter().map(|part| part_colour(*part)).collect();
+            let count = |part| parts.iter().filter(|found| **found == part).count();
+            let counted = body.skeleton().parts().map(|(part, group)| (group.name.clone(), count(part)));
+            counts = Some(counted.collect());
         }
         write_ply(&self.out, &cloud.to_mesh())?;
         let (frame, points) = (frame.id.to_string(), cloud.points.len());
@@ -101,23 +103,5 @@ impl fmt::Display for Written<'_> {
             writeln!(formatter, "  {:<10} {points:>8}", part.replace('_', " "))?;
         }
         Ok(())
-    }
-}
-
-fn name_of(part: Part) -> &'static str {
-    match part {
-        Part::Body => "body",
-        Part::Face => "face",
-        Part::LeftHand => "left_hand",
-        Part::RightHand => "right_hand",
-    }
-}
-
-fn colour_of(part: Part) -> [u8; 3] {
-    match part {
-        Part::Body => [150, 150, 155],
-        Part::Face => [225, 170, 60],
-        Part::LeftHand => [60, 140, 210],
-        Part::RightHand => [200, 80, 80],
     }
 }

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use xavatar::Error;
 use xavatar::avatar::Avatar;
-use xavatar::body::{BodyModel, PartLabels};
-use xavatar::data::{Clip, ScanFrame};
+use xavatar::body::{BodyModel, PartLabels, Pose, smplx};
+use xavatar::data::ScanFrame;
 use xavatar::evaluate;
 use xavatar::export::{RiggedMesh, Rigging};
 use xavatar::mesh::TriangleMesh;
@@ -19,9 +19,15 @@ const RIG_RESOLUTION: usize = 224;
 /// What the viewer's shader knows.
 const RIG_INFLUENCES: usize = 4;
 
-/// The avatar with the built-in dance for a report; none if it was trained so little that it has no surface.
+/// The avatar with the built-in dance for a report, in its canonical pose if its skeleton cannot dance; none if it was trained so little that it has no surface.
 pub fn dancing_rig(avatar: &Avatar, body: &BodyModel) -> xavatar::Result<Option<RiggedMesh>> {
-    match rig(avatar, Some(body), &dance()) {
+    let clip = dance();
+    let subject = &avatar.subject;
+    let poses = match subject.skeleton.require(smplx::skeleton(), "the dance") {
+        Ok(()) => clip.poses(Some(body))?,
+        Err(_) => vec![subject.skeleton.canonical_pose(&subject.betas)],
+    };
+    match rig(avatar, Some(body), &poses, clip.frames_per_second) {
         Err(Error::NoSurface { .. }) => {
             log::warn!("the avatar has no surface yet, so the report cannot show it; train longer");
             Ok(None)
@@ -30,10 +36,10 @@ pub fn dancing_rig(avatar: &Avatar, body: &BodyModel) -> xavatar::Result<Option<
     }
 }
 
-/// The avatar for the page's viewer.
-pub fn rig(avatar: &Avatar, body: Option<&BodyModel>, clip: &Clip) -> xavatar::Result<RiggedMesh> {
+/// The avatar for the page's viewer, with a motion.
+pub fn rig(avatar: &Avatar, body: Option<&BodyModel>, poses: &[Pose], rate: f32) -> xavatar::Result<RiggedMesh> {
     let rigging = Rigging { resolution: RIG_RESOLUTION, influences: RIG_INFLUENCES, correctives: 0 };
-    Ok(rigging.rig(avatar, body, &clip.frames, clip.frames_per_second, |_, _| {})?.0)
+    Ok(rigging.rig(avatar, body, poses, rate, |_, _| {})?.0)
 }
 
 /// The frames with the smallest and the largest error, as `frame` gives them: the scan and the avatar's mesh.

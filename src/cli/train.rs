@@ -62,7 +62,7 @@ impl Train {
             return Ok(Outcome::Stopped);
         }
         outputs::print(&format!("{}\n", self.out.join(Avatar::FILE).display()))?;
-        let report = self.write_report(&trainer.avatar(), &opened)?;
+        let report = self.write_report(&trainer.avatar()?, &opened)?;
         log::info!("report: {}", report.display());
         log::info!(
             "try next\n  xavatar eval {out} {data} --body {body} --split test --baseline smplx+d\n  \

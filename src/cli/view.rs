@@ -4,11 +4,9 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use xavatar::avatar::{Animator, Avatar};
-use xavatar::body::{BodyModel, PartLabels};
-use xavatar::synthetic::BuiltInSubject;
 use xavatar::view::{Server, Site};
 
-use super::inputs::load_body;
+use super::inputs::{built_in_body, load_body};
 use super::motion::MotionArguments;
 use super::{Outcome, outputs, report};
 
@@ -51,7 +49,8 @@ impl View {
         // A port that is taken is known before the work.
         let server = Server::bind(&self.host, self.port)?;
         log::info!("preparing the avatar");
-        let rig = report::rig(&avatar, body.as_ref().map(|(body, _)| body), &clip)?;
+        let of_body = body.as_ref().map(|(body, _)| body);
+        let rig = report::rig(&avatar, of_body, &clip.poses(of_body)?, clip.frames_per_second)?;
         let animator = match &body {
             Some((body, labels)) => Some(Animator::new(&avatar, body, labels)?),
             None => None,
@@ -77,14 +76,4 @@ impl View {
         server.run(&site);
         Ok(Outcome::Done)
     }
-}
-
-/// The built-in subject's body, if the avatar has its skeleton.
-fn built_in_body(avatar: &Avatar) -> anyhow::Result<Option<(BodyModel, PartLabels)>> {
-    /// Joints closer than this are the same, metres.
-    const SAME_JOINT: f32 = 1e-4;
-    let subject = BuiltInSubject::new()?;
-    let joints = subject.model().canonical_joints(&avatar.subject.betas)?;
-    let is_same = joints.iter().zip(&avatar.subject.joints).all(|(joint, own)| joint.distance(*own) < SAME_JOINT);
-    Ok(is_same.then(|| (subject.model().clone(), subject.part_labels().clone())))
 }

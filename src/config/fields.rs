@@ -5,7 +5,6 @@ use xavatar_network::{GeometryShape, Representation, TextureShape};
 
 use super::{positive, within};
 use crate::Result;
-use crate::canonical_grid::VoxelShape;
 
 /// Extents of the networks, and what the geometry means.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,6 +44,16 @@ pub struct SkinningShape {
     pub frequencies: usize,
     /// Factor on the logits (thesis: 20).
     pub blend: u32,
+}
+
+/// How fine a skinning field's grid is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VoxelShape {
+    /// Edge of a cell, metres.
+    pub spacing: f32,
+    /// Edge of a cell around hands and face, metres.
+    pub fine_spacing: f32,
 }
 
 impl FieldSettings {

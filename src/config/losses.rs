@@ -37,29 +37,13 @@ pub struct LossSettings {
     pub eikonal: f64,
     /// Points for it a frame.
     pub eikonal_points: usize,
-    /// Distance by which the field leaves its bounds in the air that a camera looks through, per metre.
-    ///
-    /// Not in the thesis, and 0 in the presets: measured, it brought nothing (docs/rgbd-training.md).
-    #[serde(default)]
-    pub free_space: f64,
 }
 
 impl LossSettings {
     pub(super) fn check(&self) -> Result<()> {
         positive("losses.truncation", self.truncation)?;
-        for (name, weight) in [
-            ("losses.occupancy", self.occupancy),
-            ("losses.distance", self.distance),
-            ("losses.normal", self.normal),
-            ("losses.colour", self.colour),
-            ("losses.bone", self.bone),
-            ("losses.joint", self.joint),
-            ("losses.surface", self.surface),
-            ("losses.volume", self.volume),
-            ("losses.eikonal", self.eikonal),
-            ("losses.free_space", self.free_space),
-        ] {
-            within(name, weight, 1e6)?;
+        for (name, value) in super::numbers("losses", self)? {
+            within(&name, value, 1e6)?;
         }
         Ok(())
     }

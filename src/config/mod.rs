@@ -20,7 +20,7 @@ use xavatar_network::Representation;
 
 use crate::{Error, InputError, Result};
 
-pub use fields::{FieldSettings, SkinningSettings, SkinningShape};
+pub use fields::{FieldSettings, SkinningSettings, SkinningShape, VoxelShape};
 pub use losses::LossSettings;
 pub use optimiser::OptimiserSettings;
 pub use presets::{preset_for_rgbd, preset_names};
@@ -28,6 +28,9 @@ pub use rgbd::RgbdSettings;
 pub use sampling::{HandSupervision, SamplingSettings, SamplingStrategy};
 pub use schedule::Schedule;
 pub use search::{Assignment, SearchedField, Starts};
+
+/// Sections and keys of versions before that mean nothing any more: what was written with them is read without.
+const RETIRED: [(&str, &str); 2] = [("losses", "free_space"), ("rgbd", "free_points")];
 
 /// A complete configuration of one training run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -88,9 +91,24 @@ impl Config {
     /// [`InputError::Io`] or [`InputError::Malformed`], naming the file.
     pub fn read(path: &Path) -> Result<Self> {
         let text = read_text(path)?;
-        let config: Self = toml::from_str(&text).map_err(|error| malformed(path, &error))?;
+        let config = Self::parse(&text).map_err(|error| malformed(path, &error))?;
         config.check()?;
         Ok(config)
+    }
+
+    /// The configuration that a run or an avatar was written with, by this version or one before.
+    pub(crate) fn parse(text: &str) -> std::result::Result<Self, toml::de::Error> {
+        let refused: toml::de::Error = match toml::from_str(text) {
+            Ok(config) => return Ok(config),
+            Err(error) => error,
+        };
+        let Ok(mut table) = text.parse::<toml::Table>() else { return Err(refused) };
+        for (section, key) in RETIRED {
+            if let Some(toml::Value::Table(section)) = table.get_mut(section) {
+                section.remove(key);
+            }
+        }
+        table.try_into().map_err(|_| refused)
     }
 
     /// The text of `config.toml`.
@@ -130,6 +148,16 @@ impl Config {
     }
 }
 
+/// The settings of a section that are numbers, and no counts, by their dotted keys.
+fn numbers(section: &str, settings: &impl Serialize) -> Result<Vec<(String, f64)>> {
+    let table = toml::Table::try_from(settings).map_err(|error| InputError::Value {
+        name: section.into(),
+        found: error.to_string(),
+        expected: "settings that TOML can hold".into(),
+    })?;
+    Ok(table.into_iter().filter_map(|(key, value)| Some((format!("{section}.{key}"), value.as_float()?))).collect())
+}
+
 fn positive(name: &str, value: f64) -> Result<()> {
     if value.is_finite() && value > 0.0 { Ok(()) } else { refuse(name, value, "a positive number") }
 }
@@ -158,6 +186,17 @@ mod tests {
 
     fn set(key: &str, value: &str) -> Result<Config> {
         Config::preset_with("fast", &[(key.into(), value.into())])
+    }
+
+    #[test]
+    fn what_was_written_with_retired_keys_is_read_without() {
+        let config = Config::preset("fast-rgbd").unwrap();
+        let written = config.to_toml().unwrap();
+        let before = written.replace("[losses]\n", "[losses]\nfree_space = 0.0\n");
+        let before = before.replace("[rgbd]\n", "[rgbd]\nfree_points = 1000\n");
+        assert_eq!(before.lines().count(), written.lines().count() + RETIRED.len());
+        assert_eq!(Config::parse(&before).unwrap(), config);
+        assert!(Config::parse(&written.replace("[losses]\n", "[losses]\nfree_speech = 1.0\n")).is_err());
     }
 
     #[test]

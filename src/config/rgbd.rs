@@ -17,8 +17,6 @@ pub struct RgbdSettings {
     pub off_surface: bool,
     /// How far behind the observed surface of a hand its distance is believed, metres: fingers are thin.
     pub hand_depth: f32,
-    /// Points drawn along the camera's rays, in the air before what it sees; `losses.free_space` weighs them.
-    pub free_points: usize,
     /// Points around the registered body where no frame has seen it.
     ///
     /// Not in the thesis: without them, what stage 0 left there drifts.
@@ -29,7 +27,6 @@ impl RgbdSettings {
     pub(super) fn check(&self, sampling: &SamplingSettings) -> Result<()> {
         within("rgbd.eyes_mouth_share", self.eyes_mouth_share, sampling.face_share)?;
         within("rgbd.hand_depth", self.hand_depth.into(), 1.0)?;
-        within("rgbd.free_points", self.free_points as f64, 1e7)?;
         within("rgbd.unseen_points", self.unseen_points as f64, 1e7)
     }
 }

@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{FrameMetrics, PartMetrics};
+use super::metrics::FrameMetrics;
+use super::part_columns::PartColumns;
 
 /// A variant of the method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,40 +84,23 @@ pub struct AblationTable {
     pub rows: Vec<AblationRow>,
 }
 
-const PARTS: [&str; 3] = ["All", "Hands", "Face"];
-
 impl AblationRow {
-    fn parts(&self) -> [Option<PartMetrics>; 3] {
-        [self.mean.all, self.mean.hands, self.mean.face]
-    }
-
     fn seconds(&self) -> String {
         self.seconds_per_step.map_or_else(|| "-".into(), |seconds| format!("{seconds:.3}"))
-    }
-}
-
-/// CD, CD-MAX, NC and IoU as text.
-pub(super) fn values(metrics: Option<PartMetrics>) -> [String; 4] {
-    match metrics {
-        Some(PartMetrics { cd_mm, cd_max_mm, nc, iou, .. }) => {
-            [format!("{cd_mm:.2}"), format!("{cd_max_mm:.2}"), format!("{nc:.3}"), format!("{iou:.3}")]
-        }
-        None => std::array::from_fn(|_| "-".into()),
     }
 }
 
 impl AblationTable {
     /// The table in Markdown; distances in millimetres.
     pub fn markdown(&self) -> String {
-        let columns =
-            PARTS.iter().flat_map(|part| ["CD", "CD-MAX", "NC", "IoU"].map(|value| format!("{part} {value}")));
+        let columns = PartColumns::of(self.rows.iter().map(|row| &row.mean));
+        let ends = ["steps".to_owned(), "s/step".into()];
         let head: Vec<String> =
-            ["variant".to_owned()].into_iter().chain(columns).chain(["steps".into(), "s/step".into()]).collect();
+            ["variant".to_owned()].into_iter().chain(columns.markdown_heads()).chain(ends).collect();
         let rule = vec!["---".to_owned(); head.len()];
         let rows = self.rows.iter().map(|row| {
-            let metrics = row.parts().into_iter().flat_map(values);
             let ends = [row.steps.to_string(), row.seconds()];
-            [row.ablation.name().to_owned()].into_iter().chain(metrics).chain(ends).collect()
+            [row.ablation.name().to_owned()].into_iter().chain(columns.values(&row.mean)).chain(ends).collect()
         });
         [head, rule].into_iter().chain(rows).map(|cells| format!("| {} |\n", cells.join(" | "))).collect()
     }
@@ -124,20 +108,12 @@ impl AblationTable {
 
 impl fmt::Display for AblationTable {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{:<20}", "")?;
-        PARTS.iter().try_for_each(|part| write!(formatter, " | {part:^29}"))?;
-        writeln!(formatter, " | {:>15}", "")?;
-        write!(formatter, "{:<20}", "variant")?;
-        for _ in PARTS {
-            write!(formatter, " | {:>7} {:>9} {:>5} {:>5}", "CD mm", "CD-MAX mm", "NC", "IoU")?;
-        }
-        writeln!(formatter, " | {:>7} {:>7}", "steps", "s/step")?;
+        let columns = PartColumns::of(self.rows.iter().map(|row| &row.mean));
+        let [first, second] = columns.heads();
+        writeln!(formatter, "{:<20}{first} | {:>15}", "", "")?;
+        writeln!(formatter, "{:<20}{second} | {:>7} {:>7}", "variant", "steps", "s/step")?;
         for row in &self.rows {
-            write!(formatter, "{:<20}", row.ablation.name())?;
-            for metrics in row.parts() {
-                let [cd, maximum, nc, iou] = values(metrics);
-                write!(formatter, " | {cd:>7} {maximum:>9} {nc:>5} {iou:>5}")?;
-            }
+            write!(formatter, "{:<20}{}", row.ablation.name(), columns.cells(&row.mean))?;
             writeln!(formatter, " | {:>7} {:>7}", row.steps, row.seconds())?;
         }
         Ok(())
@@ -147,8 +123,9 @@ impl fmt::Display for AblationTable {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::Role;
     use crate::config::{Config, SamplingStrategy, Starts};
-    use crate::evaluate::Parts;
+    use crate::evaluate::{PartMetrics, Parts};
 
     #[test]
     fn each_variant_differs_from_the_full_method_in_its_settings_alone() {
@@ -171,8 +148,12 @@ mod tests {
     #[test]
     fn both_tables_stand_in_columns() {
         let part = PartMetrics { cd_mm: 1.25, cd_max_mm: 40.5, nc: 0.975, iou: 0.98, iou_box: 0.9 };
-        let mean = Parts { all: Some(part), hands: Some(part), face: None };
-        let row = |ablation| AblationRow { ablation, steps: 6000, seconds_per_step: Some(0.25), frames: 10, mean };
+        let by_role = [(Role::Hands, Some(part)), (Role::Face, None)].into();
+        let mean = Parts { all: Some(part), by_role };
+        let row = |ablation| {
+            let mean = mean.clone();
+            AblationRow { ablation, steps: 6000, seconds_per_step: Some(0.25), frames: 10, mean }
+        };
         let table = AblationTable { rows: Ablation::ALL.map(row).to_vec() };
         let printed = table.to_string();
         let mut widths = printed.lines().map(|line| line.chars().count());

@@ -5,8 +5,8 @@ use std::fmt;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::ablation::values;
-use super::metrics::{FrameMetrics, PartMetrics};
+use super::metrics::FrameMetrics;
+use super::part_columns::PartColumns;
 use crate::body::Gender;
 use crate::data::{FrameId, RgbdFrame, RgbdSource};
 use crate::{Error, InputError, Result};
@@ -39,7 +39,7 @@ pub fn turned(frames: &dyn RgbdSource, mut progress: impl FnMut(usize)) -> Resul
 
 /// The direction from the subject to the camera about +Y, degrees.
 fn azimuth(frame: &RgbdFrame) -> f64 {
-    let Vec3 { x, z, .. } = frame.camera.position() - frame.parameters.transl;
+    let Vec3 { x, z, .. } = frame.camera.position() - frame.parameters.translation();
     f64::from(x.atan2(z)).to_degrees()
 }
 
@@ -81,7 +81,7 @@ impl RgbdSource for SomeFrames<'_> {
         self.source.read(self.chosen[index])
     }
 
-    fn betas(&self) -> [f32; 10] {
+    fn betas(&self) -> &[f32] {
         self.source.betas()
     }
 
@@ -114,25 +114,16 @@ pub struct FusionTable {
     pub rows: Vec<FusionRow>,
 }
 
-const PARTS: [&str; 3] = ["All", "Hands", "Face"];
-
-impl FusionRow {
-    /// Whole body, hands, face.
-    pub fn parts(&self) -> [Option<PartMetrics>; 3] {
-        [self.mean.all, self.mean.hands, self.mean.face]
-    }
-}
-
 impl FusionTable {
     /// The table in Markdown; distances in millimetres.
     pub fn markdown(&self) -> String {
-        let columns =
-            PARTS.iter().flat_map(|part| ["CD", "CD-MAX", "NC", "IoU"].map(|value| format!("{part} {value}")));
-        let head: Vec<String> = ["turn".to_owned(), "frames".into()].into_iter().chain(columns).collect();
+        let columns = PartColumns::of(self.rows.iter().map(|row| &row.mean));
+        let head: Vec<String> =
+            ["turn".to_owned(), "frames".into()].into_iter().chain(columns.markdown_heads()).collect();
         let rule = vec!["---".to_owned(); head.len()];
         let rows = self.rows.iter().map(|row| {
             let ends = [format!("{}°", row.turn), row.trained_on.to_string()];
-            ends.into_iter().chain(row.parts().into_iter().flat_map(values)).collect()
+            ends.into_iter().chain(columns.values(&row.mean)).collect()
         });
         [head, rule].into_iter().chain(rows).map(|cells| format!("| {} |\n", cells.join(" | "))).collect()
     }
@@ -140,18 +131,12 @@ impl FusionTable {
 
 impl fmt::Display for FusionTable {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{:>7} {:>7}", "", "")?;
-        PARTS.iter().try_for_each(|part| write!(formatter, " | {part:^29}"))?;
-        write!(formatter, "\n{:>7} {:>7}", "turn", "frames")?;
-        for _ in PARTS {
-            write!(formatter, " | {:>7} {:>9} {:>5} {:>5}", "CD mm", "CD-MAX mm", "NC", "IoU")?;
-        }
+        let columns = PartColumns::of(self.rows.iter().map(|row| &row.mean));
+        let [first, second] = columns.heads();
+        write!(formatter, "{:>7} {:>7}{first}", "", "")?;
+        write!(formatter, "\n{:>7} {:>7}{second}", "turn", "frames")?;
         for row in &self.rows {
-            write!(formatter, "\n{:>6}° {:>7}", row.turn, row.trained_on)?;
-            for metrics in row.parts() {
-                let [cd, maximum, nc, iou] = values(metrics);
-                write!(formatter, " | {cd:>7} {maximum:>9} {nc:>5} {iou:>5}")?;
-            }
+            write!(formatter, "\n{:>6}° {:>7}{}", row.turn, row.trained_on, columns.cells(&row.mean))?;
         }
         writeln!(formatter)
     }
@@ -162,7 +147,8 @@ mod tests {
     use image::RgbImage;
 
     use super::*;
-    use crate::body::BodyParameters;
+    use crate::body::{Role, smplx};
+    use crate::evaluate::PartMetrics;
     use crate::mesh::camera::PinholeCamera;
 
     /// Two sequences; in each the camera goes around by 30 degrees a frame, in the second backwards.
@@ -192,12 +178,12 @@ mod tests {
                 colour: RgbImage::new(8, 12),
                 depth: vec![6.0; 96],
                 mask: None,
-                parameters: BodyParameters { transl: subject, ..BodyParameters::default() },
+                parameters: smplx::Parameters { transl: subject, ..Default::default() }.into(),
             })
         }
 
-        fn betas(&self) -> [f32; 10] {
-            [0.0; 10]
+        fn betas(&self) -> &[f32] {
+            &[]
         }
 
         fn gender(&self) -> Gender {
@@ -223,9 +209,12 @@ mod tests {
     #[test]
     fn both_tables_stand_in_columns() {
         let part = PartMetrics { cd_mm: 1.25, cd_max_mm: 40.5, nc: 0.975, iou: 0.98, iou_box: 0.9 };
-        let mean = FrameMetrics { all: Some(part), hands: Some(part), face: None };
-        let row =
-            |turn| FusionRow { turn, trained_on: 12, steps: 6000, seconds_per_step: Some(0.25), frames: 10, mean };
+        let by_role = [(Role::Hands, Some(part)), (Role::Face, None)].into();
+        let mean = FrameMetrics { all: Some(part), by_role };
+        let row = |turn| {
+            let mean = mean.clone();
+            FusionRow { turn, trained_on: 12, steps: 6000, seconds_per_step: Some(0.25), frames: 10, mean }
+        };
         let table = FusionTable { rows: [45.0, 90.0, 180.0, 360.0].map(row).to_vec() };
         let printed = table.to_string();
         let mut widths = printed.lines().map(|line| line.chars().count());

@@ -5,9 +5,12 @@
 //! |cos| with the closest face's normal, both directions; IoU that of the volumes, by points uniform in the joint bounding box.
 //! The published tables intersect *bounding boxes* and call that IoU: here it is `iou_box`.
 //!
-//! A surface sample belongs to the part of its nearest registered vertex, and is measured against the whole other surface. A
-//! part's volume is what lies inside, nearest to that part and within 8 cm of the registration. The two hands have a box each:
-//! one around both would mostly miss them.
+//! A surface sample belongs to the part of its nearest registered vertex, and is measured against the whole other surface. Parts
+//! are measured by role: a row for the hands, one for the face, as far as the skeleton has them. A part's volume is what lies
+//! inside, nearest to that part and within 8 cm of the registration. Parts of one role have a box each: one around both hands
+//! would mostly miss them.
+
+use std::collections::BTreeMap;
 
 use glam::Vec3;
 use rand_chacha::ChaCha8Rng;
@@ -16,23 +19,34 @@ use serde::{Deserialize, Serialize};
 
 use super::overlap::{BoundingBox, Overlap};
 use crate::Result;
-use crate::body::Part;
-use crate::body::Registration;
+use crate::body::{Part, Registration, Role, Skeleton};
 use crate::mesh::{SolidIndex, SurfaceIndex, SurfacePoint, SurfaceSampler, TriangleMesh};
 
 /// Farther from the registration a volume belongs to no hand and no face, metres.
 const PART_REACH: f32 = 0.08;
 const MILLIMETRES: f64 = 1000.0;
 
-/// A value for the whole body, for both hands, and for the face.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// A value for the whole body, and for the parts of each finer role that its skeleton has.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Parts<T> {
     /// The whole surface.
     pub all: T,
-    /// Both hands, from the wrist on.
-    pub hands: T,
-    /// Face, head and neck; eyes and mouth included.
-    pub face: T,
+    /// Hands, from the wrist on; face, with head and neck, eyes and mouth.
+    #[serde(flatten)]
+    pub by_role: BTreeMap<Role, T>,
+}
+
+impl<T: Clone + Default> Parts<T> {
+    /// The value of a role's parts; that of `Default` for a skeleton without them.
+    pub fn of(&self, role: Role) -> T {
+        self.by_role.get(&role).cloned().unwrap_or_default()
+    }
+
+    /// Another value of each, made of it.
+    pub fn map<U>(&self, value: impl Fn(&T) -> U) -> Parts<U> {
+        let by_role = self.by_role.iter().map(|(role, own)| (*role, value(own))).collect();
+        Parts { all: value(&self.all), by_role }
+    }
 }
 
 /// The metrics of one frame. A part is absent where it cannot be measured: one of the surfaces has no sample of it, or no point
@@ -50,12 +64,12 @@ pub struct PartMetrics {
     pub nc: f64,
     /// Intersection over union of the volumes.
     pub iou: f64,
-    /// Intersection over union of the bounding boxes; for hands the mean of left and right.
+    /// Intersection over union of the bounding boxes; of several parts the mean.
     pub iou_box: f64,
 }
 
-/// Compares a prediction with a scan; both and the registration share one coordinate system. `samples` points are drawn on
-/// each surface and in each box.
+/// Compares a prediction with a scan; both and the registration, of a body with this skeleton, share one coordinate system.
+/// `samples` points are drawn on each surface and in each box.
 ///
 /// # Errors
 /// [`Error::Value`](crate::Error::Value) if a mesh has no area or fails [`TriangleMesh::check`].
@@ -63,6 +77,7 @@ pub fn compare(
     prediction: &TriangleMesh,
     scan: &TriangleMesh,
     registration: &Registration,
+    skeleton: &Skeleton,
     samples: usize,
     random: &mut ChaCha8Rng,
 ) -> Result<FrameMetrics> {
@@ -89,14 +104,16 @@ pub fn compare(
         let overlap = overlaps.fold(Overlap::default(), |sum, overlap| sum + overlap);
         summarise(&measurements, |part| parts.contains(&part), overlap, &boxes)
     };
-    let (hands, face) = (part(&[Part::LeftHand, Part::RightHand]), part(&[Part::Face]));
+    let roles = Role::FINE.map(|role| (role, skeleton.parts_of(role).collect::<Vec<_>>()));
+    let present = roles.iter().filter(|(_, parts)| !parts.is_empty());
+    let by_role = present.map(|(role, parts)| (*role, part(parts))).collect();
     let all = both(&meshes, |mesh| bounds_of_surface(mesh)).and_then(|[a, b]| {
         let overlap = a
             .joined(b)
             .sampled_overlap(samples, random, |point| [solids[0].is_inside(point), solids[1].is_inside(point)]);
         summarise(&measurements, |_| true, overlap, &[[a, b]])
     });
-    Ok(Parts { all, hands, face })
+    Ok(Parts { all, by_role })
 }
 
 /// What a sample of one surface says about the other.

@@ -6,6 +6,7 @@ mod ablation;
 mod fusion;
 mod metrics;
 mod overlap;
+mod part_columns;
 mod report;
 mod smplx_d;
 
@@ -18,7 +19,7 @@ pub use smplx_d::{SMPLX_D, SmplxD};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::body::{BodyModel, PartLabels, Registration};
+use crate::body::{BodyModel, PartLabels, Pose, Registration};
 use crate::data::ScanFrame;
 use crate::mesh::TriangleMesh;
 use crate::{Error, InputError, Result};
@@ -41,14 +42,14 @@ impl Evaluation<'_> {
     /// Points per surface that the published evaluation is matched with.
     pub const SAMPLES: usize = 20_000;
 
-    /// Measures what `predict` makes of each frame, in world coordinates, and shows every frame's metrics to `progress`.
+    /// Measures what `predict` makes of each frame and its pose, in world coordinates, and shows every frame's metrics to `progress`.
     ///
     /// # Errors
     /// The first error of `frames`, of `predict`, or of the comparison, with the frame named; [`Error::Value`] if there is no frame.
     pub fn run(
         &self,
         frames: impl IntoIterator<Item = crate::formats::Result<ScanFrame>>,
-        predict: impl Fn(&ScanFrame) -> Result<TriangleMesh>,
+        predict: impl Fn(&ScanFrame, &Pose) -> Result<TriangleMesh>,
         mut progress: impl FnMut(&FrameReport),
     ) -> Result<Report> {
         let mut report = Report::default();
@@ -74,16 +75,17 @@ impl Evaluation<'_> {
         &self,
         frame: &ScanFrame,
         place: u64,
-        predict: impl Fn(&ScanFrame) -> Result<TriangleMesh>,
+        predict: impl Fn(&ScanFrame, &Pose) -> Result<TriangleMesh>,
     ) -> Result<FrameReport> {
-        let registration = Registration::new(&self.body.pose(&frame.parameters)?.vertices, self.labels)?;
+        let pose = self.body.resolve(&frame.parameters)?;
+        let registration = Registration::new(&self.body.pose(&pose)?.vertices, self.labels)?;
         // The prediction and the baseline meet the same random numbers.
         let compare = |mesh: &TriangleMesh| {
             let mut random = ChaCha8Rng::seed_from_u64(self.seed);
             random.set_stream(place);
-            compare(mesh, &frame.scan, &registration, self.samples, &mut random)
+            compare(mesh, &frame.scan, &registration, self.body.skeleton(), self.samples, &mut random)
         };
-        let baseline = self.baseline.map(|baseline| compare(&baseline.pose(&frame.parameters)?)).transpose()?;
-        Ok(FrameReport { frame: frame.id.to_string(), metrics: compare(&predict(frame)?)?, baseline })
+        let baseline = self.baseline.map(|baseline| compare(&baseline.pose(&pose)?)).transpose()?;
+        Ok(FrameReport { frame: frame.id.to_string(), metrics: compare(&predict(frame, &pose)?)?, baseline })
     }
 }

@@ -8,6 +8,7 @@ use serde::ser::{Serialize, Serializer};
 
 use super::metrics::{FrameMetrics, PartMetrics, Parts};
 use super::smplx_d::SMPLX_D;
+use crate::body::Role;
 
 /// The metrics of one frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,8 +23,8 @@ pub struct FrameReport {
 
 /// The metrics of all frames. `Display` prints the table; serde writes
 /// `{"frames", "mean": {"all", "hands", "face"}, "baseline": {…}, "per_frame": [{"frame", "all", "hands", "face"}]}`, where a part
-/// is `null` if no frame had it, `baseline` is absent if none was asked for, and `"missing": {"all", "hands", "face"}` counts the
-/// frames without a part if there are any.
+/// is `null` if no frame had it and absent if the skeleton has none such, `baseline` is absent if none was asked for, and
+/// `"missing": {"all", "hands", "face"}` counts the frames without a part if there are any.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
     /// Frame by frame, in the order of evaluation.
@@ -33,12 +34,12 @@ pub struct Report {
 impl Report {
     /// The mean of each part over the frames that have it.
     pub fn mean(&self) -> FrameMetrics {
-        mean(self.per_frame.iter().map(|frame| frame.metrics))
+        mean(self.per_frame.iter().map(|frame| &frame.metrics))
     }
 
     /// The baseline's mean; none if no frame has one.
     pub fn baseline_mean(&self) -> Option<FrameMetrics> {
-        let measured: Vec<_> = self.per_frame.iter().filter_map(|frame| frame.baseline).collect();
+        let measured: Vec<_> = self.per_frame.iter().filter_map(|frame| frame.baseline.as_ref()).collect();
         (!measured.is_empty()).then(|| mean(measured.into_iter()))
     }
 
@@ -52,16 +53,35 @@ impl Report {
 
     /// In how many frames each part of the prediction could not be measured.
     pub fn missing(&self) -> Parts<usize> {
-        let count = |part: fn(&FrameMetrics) -> Option<PartMetrics>| {
-            self.per_frame.iter().filter(|frame| part(&frame.metrics).is_none()).count()
-        };
-        Parts { all: count(|frame| frame.all), hands: count(|frame| frame.hands), face: count(|frame| frame.face) }
+        let frames = || self.per_frame.iter().map(|frame| &frame.metrics);
+        let count = |role: Role| frames().filter(|metrics| metrics.of(role).is_none()).count();
+        Parts {
+            all: frames().filter(|metrics| metrics.all.is_none()).count(),
+            by_role: roles(frames()).map(|role| (role, count(role))).collect(),
+        }
     }
 }
 
-fn mean(frames: impl Iterator<Item = FrameMetrics> + Clone) -> FrameMetrics {
-    let part = |part: fn(FrameMetrics) -> Option<PartMetrics>| PartMetrics::mean(frames.clone().filter_map(part));
-    Parts { all: part(|frame| frame.all), hands: part(|frame| frame.hands), face: part(|frame| frame.face) }
+fn mean<'a>(frames: impl Iterator<Item = &'a FrameMetrics> + Clone) -> FrameMetrics {
+    let of_role = |role: Role| PartMetrics::mean(frames.clone().filter_map(move |metrics| metrics.of(role)));
+    Parts {
+        all: PartMetrics::mean(frames.clone().filter_map(|metrics| metrics.all)),
+        by_role: roles(frames.clone()).map(|role| (role, of_role(role))).collect(),
+    }
+}
+
+/// The finer roles of the frames' skeleton, which is one.
+fn roles<'a>(mut frames: impl Iterator<Item = &'a FrameMetrics>) -> impl Iterator<Item = Role> {
+    frames.next().into_iter().flat_map(|metrics| metrics.by_role.keys().copied())
+}
+
+/// The name of a role's row.
+pub(super) fn row_name(role: Role) -> &'static str {
+    match role {
+        Role::Body => "Body",
+        Role::Hands => "Hands",
+        Role::Face => "Face",
+    }
 }
 
 impl PartMetrics {
@@ -88,11 +108,11 @@ impl fmt::Display for Report {
             "CD mm", "CD-MAX mm", "NC", "IoU", "IoU box"
         )?;
         let (mean, baseline, missing) = (self.mean(), self.baseline_mean(), self.missing());
-        let rows = [
-            ("All", mean.all, baseline.map(|parts| parts.all), missing.all),
-            ("Hands", mean.hands, baseline.map(|parts| parts.hands), missing.hands),
-            ("Face", mean.face, baseline.map(|parts| parts.face), missing.face),
-        ];
+        let all = ("All", mean.all, baseline.as_ref().map(|parts| parts.all), missing.all);
+        let of_role = |(role, metrics): (&Role, &Option<PartMetrics>)| {
+            (row_name(*role), *metrics, baseline.as_ref().map(|parts| parts.of(*role)), missing.of(*role))
+        };
+        let rows = std::iter::once(all).chain(mean.by_role.iter().map(of_role));
         for (name, metrics, baseline, missing) in rows {
             write_row(formatter, name, "avatar", metrics)?;
             if let Some(baseline) = baseline {
@@ -132,15 +152,16 @@ impl Serialize for Report {
         struct Frame<'a> {
             frame: &'a str,
             #[serde(flatten)]
-            metrics: FrameMetrics,
+            metrics: &'a FrameMetrics,
         }
         let missing = self.missing();
+        let is_missing = missing.all > 0 || missing.by_role.values().any(|count| *count > 0);
         Document {
             frames: self.per_frame.len(),
             mean: self.mean(),
             baseline: self.baseline_mean(),
-            missing: (missing != Parts::default()).then_some(missing),
-            per_frame: self.per_frame.iter().map(|row| Frame { frame: &row.frame, metrics: row.metrics }).collect(),
+            missing: is_missing.then_some(missing),
+            per_frame: self.per_frame.iter().map(|row| Frame { frame: &row.frame, metrics: &row.metrics }).collect(),
         }
         .serialize(serializer)
     }
@@ -154,12 +175,16 @@ mod tests {
         Some(PartMetrics { cd_mm, cd_max_mm: 10.0 * cd_mm, nc: 0.5, iou: 0.25, iou_box: 0.75 })
     }
 
+    fn parts<T>(all: T, hands: T, face: T) -> Parts<T> {
+        Parts { all, by_role: [(Role::Hands, hands), (Role::Face, face)].into() }
+    }
+
     fn report(baseline: bool) -> Report {
-        let baseline = baseline.then(|| Parts { all: part(9.0), hands: part(8.0), face: None });
+        let baseline = baseline.then(|| parts(part(9.0), part(8.0), None));
         let frame = |number: u32, hands| FrameReport {
             frame: format!("test/Take1/f{number:05}"),
-            metrics: Parts { all: part(f64::from(number)), hands, face: None },
-            baseline,
+            metrics: parts(part(f64::from(number)), hands, None),
+            baseline: baseline.clone(),
         };
         Report { per_frame: vec![frame(1, part(4.0)), frame(2, None), frame(3, part(6.0))] }
     }
@@ -167,8 +192,8 @@ mod tests {
     #[test]
     fn means_leave_out_what_could_not_be_measured_and_count_it() {
         let report = report(false);
-        assert_eq!(report.mean(), Parts { all: part(2.0), hands: part(5.0), face: None });
-        assert_eq!(report.missing(), Parts { all: 0, hands: 1, face: 3 });
+        assert_eq!(report.mean(), parts(part(2.0), part(5.0), None));
+        assert_eq!(report.missing(), parts(0, 1, 3));
     }
 
     #[test]
@@ -193,11 +218,28 @@ mod tests {
 
         let mut complete = report(false);
         complete.per_frame.truncate(1);
-        complete.per_frame[0].metrics.face = part(1.0);
+        complete.per_frame[0].metrics.by_role.insert(Role::Face, part(1.0));
         let keys = serde_json::to_value(&complete).unwrap();
         let mut keys: Vec<_> = keys.as_object().unwrap().keys().cloned().collect();
         keys.sort();
         assert_eq!(keys, ["frames", "mean", "per_frame"], "nothing else unless asked for or missing");
+    }
+
+    #[test]
+    fn a_body_without_hands_and_face_has_no_rows_of_them() {
+        let metrics = Parts { all: part(1.0), by_role: Default::default() };
+        let report = Report { per_frame: vec![FrameReport { frame: "a".into(), metrics, baseline: None }] };
+        assert_eq!(report.to_string().lines().count(), 2, "a head and one row\n{report}");
+        let json = serde_json::to_value(&report).unwrap();
+        assert_eq!(json["mean"].as_object().unwrap().keys().collect::<Vec<_>>(), ["all"]);
+    }
+
+    #[test]
+    fn metrics_come_back_from_json() {
+        let metrics = parts(part(1.0), None, part(2.0));
+        let text = serde_json::to_string(&metrics).unwrap();
+        assert!(text.find("all") < text.find("hands") && text.find("hands") < text.find("face"), "{text}");
+        assert_eq!(serde_json::from_str::<FrameMetrics>(&text).unwrap(), metrics);
     }
 
     #[test]

@@ -7,7 +7,7 @@
 use glam::{Mat3A, Vec3};
 use rayon::prelude::*;
 
-use crate::body::{BodyModel, BodyParameters, JOINTS, PosedBody};
+use crate::body::{BodyModel, Pose, PosedBody};
 use crate::data::ScanFrame;
 use crate::mesh::{SurfaceIndex, TriangleMesh};
 use crate::{Error, InputError, Result};
@@ -40,7 +40,7 @@ impl<'a> SmplxD<'a> {
         for frame in frames {
             let frame = frame?;
             let in_frame = |error: InputError| error.in_frame(frame.id.to_string());
-            let posed = body.pose(&frame.parameters).map_err(in_frame)?;
+            let posed = body.resolve(&frame.parameters).and_then(|pose| body.pose(&pose)).map_err(in_frame)?;
             let scan = SurfaceIndex::new(&frame.scan).map_err(in_frame)?;
             let blends = blended_transforms(body, &posed);
             offsets.par_iter_mut().zip(&posed.vertices).zip(&blends).for_each(|((offset, &vertex), blend)| {
@@ -60,12 +60,12 @@ impl<'a> SmplxD<'a> {
         Ok(Self { body, offsets: offsets.iter().map(MeanOffset::value).collect() })
     }
 
-    /// The clothed body of these parameters, in the world.
+    /// The clothed body in a pose, in the world.
     ///
     /// # Errors
     /// Those of [`BodyModel::pose`].
-    pub fn pose(&self, parameters: &BodyParameters) -> Result<TriangleMesh> {
-        let posed = self.body.pose(parameters)?;
+    pub fn pose(&self, pose: &Pose) -> Result<TriangleMesh> {
+        let posed = self.body.pose(pose)?;
         let blends = blended_transforms(self.body, &posed);
         let vertices = posed.vertices.iter().zip(&blends).zip(&self.offsets);
         Ok(self.body.mesh(vertices.map(|((&vertex, &blend), &offset)| vertex + blend * offset).collect()))
@@ -97,5 +97,5 @@ fn blended_transforms(body: &BodyModel, posed: &PosedBody) -> Vec<Mat3A> {
         let bones = posed.bone_transforms.iter().zip(weights);
         bones.fold(Mat3A::ZERO, |sum, (bone, &weight)| sum + bone.matrix3 * weight)
     };
-    body.skinning_weights().par_chunks_exact(JOINTS).map(blend).collect()
+    body.skinning_weights().par_chunks_exact(posed.bone_transforms.len()).map(blend).collect()
 }

@@ -1,23 +1,21 @@
 //! What a rig stands for, frame by frame and without its limits: every skinning weight, every offset.
 //!
 //! With a body model that of [`FixedTopology`]: x = sum_j w_j B_j (x_c + o) + translation. Where the warp carries no
-//! expressions, o has those of the geometry field. Without a body model B_j is the skeleton's. V vertices, J joints; metres.
+//! expressions, o has those of the geometry field. Without a body model B_j is the skeleton's. V vertices, J joints, E expression coefficients; metres.
 
 use glam::{Affine3A, Quat, Vec3, Vec3A};
 use rayon::prelude::*;
-use xavatar_network::SkinningTrace;
 
-use super::expressions::{EXPRESSIONS, displacements};
+use super::expressions::{displacements, unit_expression};
 use super::influences::Influences;
 use super::rig::{Joint, blend, skinning_transforms};
-use super::skeleton::{joint_poses, rotations, skeleton};
-use crate::avatar::{Avatar, FixedTopology};
-use crate::body::{BodyModel, BodyParameters, JOINTS};
+use super::skeleton::{joints, rotations};
+use crate::avatar::{Avatar, FixedTopology, Subject};
+use crate::body::{BodyModel, PartGroup, Pose, Skeleton};
+use crate::fields::FieldEvaluator;
 use crate::mesh::TriangleMesh;
 use crate::{Error, InputError, Result};
 
-/// Rows a thread evaluates at a time.
-const BLOCK_ROWS: usize = 256;
 /// A body model whose joints are this far from the avatar's is another one, metres.
 const SAME_JOINT: f32 = 1e-3;
 
@@ -31,9 +29,12 @@ pub(super) struct Reference<'a> {
     /// Components of the canonical surface that were left out.
     pub(super) dropped_components: usize,
     all: Influences,
-    betas: [f32; 10],
+    betas: Vec<f32>,
+    skeleton: Skeleton,
     body: Option<(&'a BodyModel, FixedTopology<'a>)>,
-    /// The field's displacements by unit expressions (10, V); empty where the warp carries expressions.
+    /// E.
+    count: usize,
+    /// The field's displacements by unit expressions (E, V); empty where the warp carries expressions.
     expressions: Vec<Vec<Vec3>>,
 }
 
@@ -44,15 +45,16 @@ pub(super) struct Frame {
     /// The exact vertices in the world (V).
     pub(super) posed: Vec<Vec3>,
     /// Local rotations of the joints (J).
-    pub(super) rotations: [Quat; JOINTS],
+    pub(super) rotations: Vec<Quat>,
     /// Where the root is.
     pub(super) root: Vec3,
-    pub(super) expression: [f32; EXPRESSIONS],
+    /// All of its coefficients (E).
+    pub(super) expression: Vec<f32>,
 }
 
 impl<'a> Reference<'a> {
     pub(super) fn new(avatar: &Avatar, body: Option<&'a BodyModel>, resolution: usize) -> Result<Self> {
-        let betas = avatar.subject.betas;
+        let Subject { betas, skeleton, expressions: count, .. } = avatar.subject.clone();
         if let Some(body) = body {
             require_own_body(avatar, body)?;
         }
@@ -68,20 +70,22 @@ impl<'a> Reference<'a> {
                 (extraction.mesh, weights, extraction.dropped_components)
             }
         };
-        let warp_has_expressions = body.is_some() && avatar.fields.skinning.voxels().is_some();
+        let warp_has_expressions = body.is_some() && avatar.fields.skinning.carries_blend_shapes();
         let expressions = match warp_has_expressions {
             true => Vec::new(),
             false => displacements(avatar, &mesh.vertices),
         };
-        let most = Influences::most(&weights, JOINTS);
+        let most = Influences::most(&weights, skeleton.joints.len());
         Ok(Self {
-            joints: skeleton(&avatar.subject.joints)?,
-            all: Influences::strongest(&weights, JOINTS, most.max(1)),
+            joints: joints(&skeleton, &avatar.subject.joints),
+            all: Influences::strongest(&weights, skeleton.joints.len(), most.max(1)),
             mesh,
             weights,
             dropped_components,
             betas,
+            skeleton,
             body,
+            count,
             expressions,
         })
     }
@@ -91,43 +95,57 @@ impl<'a> Reference<'a> {
         self.all.count
     }
 
-    /// The exact motion at these parameters, in the avatar's own shape.
-    pub(super) fn frame(&self, parameters: &BodyParameters) -> Result<Frame> {
-        let parameters = BodyParameters { betas: self.betas, ..parameters.clone() };
-        let rotations = rotations(&joint_poses(self.body.as_ref().map(|(body, _)| *body), &parameters)?);
-        let root = self.joints[0].translation + parameters.transl;
+    /// J.
+    pub(super) fn joint_count(&self) -> usize {
+        self.skeleton.joints.len()
+    }
+
+    /// The names of the body's parts.
+    pub(super) fn parts(&self) -> Vec<String> {
+        self.skeleton.parts.iter().map(PartGroup::title).collect()
+    }
+
+    /// E: how many expression coefficients the avatar has.
+    pub(super) fn expression_count(&self) -> usize {
+        self.count
+    }
+
+    /// The exact motion in this pose, in the avatar's own shape.
+    pub(super) fn frame(&self, pose: &Pose) -> Result<Frame> {
+        let mut pose = pose.in_shape(&self.betas);
+        pose.check(&self.skeleton, self.betas.len(), self.count)?;
+        pose.expression.resize(self.count, 0.0);
+        let rotations = rotations(&pose.rotations);
+        let root = self.joints[0].translation + pose.translation;
         let mut points = match &self.body {
-            Some((_, fixed)) => fixed.displaced(&parameters)?.into_iter().map(Vec3::from_array).collect(),
+            Some((_, fixed)) => fixed.displaced(&pose)?.into_iter().map(Vec3::from_array).collect(),
             None => self.mesh.vertices.clone(),
         };
-        for (offsets, amount) in self.expressions.iter().zip(parameters.expression).filter(|(_, amount)| *amount != 0.0)
-        {
-            points.iter_mut().zip(offsets).for_each(|(point, offset)| *point += *offset * amount);
+        for (offsets, amount) in self.expressions.iter().zip(&pose.expression).filter(|(_, amount)| **amount != 0.0) {
+            points.iter_mut().zip(offsets).for_each(|(point, offset)| *point += *offset * *amount);
         }
         let transforms = match &self.body {
             Some((body, _)) => {
-                let mut transforms = body.canonical_to_posed(&parameters)?;
-                transforms.iter_mut().for_each(|transform| transform.translation += Vec3A::from(parameters.transl));
+                let mut transforms = body.canonical_to_posed(&pose)?;
+                transforms.iter_mut().for_each(|transform| transform.translation += Vec3A::from(pose.translation));
                 transforms
             }
             None => skinning_transforms(&self.joints, &rotations, root),
         };
         let posed = skin(&self.all, &transforms, &points);
-        Ok(Frame { points, posed, rotations, root, expression: parameters.expression })
+        Ok(Frame { points, posed, rotations, root, expression: pose.expression })
     }
 
-    /// What a unit of each expression coefficient does in the canonical pose (10, V): offsets of the surface, and joints that
+    /// What a unit of each expression coefficient does in the canonical pose (E, V): offsets of the surface, and joints that
     /// an expression moves.
     pub(super) fn expressions(&self) -> Result<Vec<Vec<Vec3>>> {
-        let mut parameters = BodyModel::canonical_parameters(&self.betas);
-        let resting = self.frame(&parameters)?.posed;
-        let mut unit = |coefficient: usize| {
-            parameters.expression = [0.0; EXPRESSIONS];
-            parameters.expression[coefficient] = 1.0;
-            let moved = self.frame(&parameters)?.posed;
+        let canonical = self.skeleton.canonical_pose(&self.betas);
+        let resting = self.frame(&canonical)?.posed;
+        let unit = |coefficient: usize| {
+            let moved = self.frame(&Pose { expression: unit_expression(coefficient), ..canonical.clone() })?.posed;
             Ok(moved.iter().zip(&resting).map(|(to, from)| *to - *from).collect())
         };
-        (0..EXPRESSIONS).map(&mut unit).collect()
+        (0..self.count).map(unit).collect()
     }
 }
 
@@ -142,17 +160,11 @@ pub(super) fn skin(influences: &Influences, transforms: &[Affine3A], points: &[V
 
 fn skinning_weights(avatar: &Avatar, vertices: &[Vec3]) -> Vec<f32> {
     let points: Vec<[f32; 3]> = vertices.iter().map(Vec3::to_array).collect();
-    let mut weights = vec![0.0; points.len() * JOINTS];
-    weights
-        .par_chunks_mut(BLOCK_ROWS * JOINTS)
-        .zip(points.par_chunks(BLOCK_ROWS))
-        .for_each_init(SkinningTrace::default, |trace, (weights, points)| {
-            avatar.fields.skinning.weights(trace, points, weights)
-        });
-    weights
+    FieldEvaluator::new(&avatar.fields, &avatar.condition().none()).weights(&points)
 }
 
 fn require_own_body(avatar: &Avatar, body: &BodyModel) -> Result<()> {
+    avatar.subject.skeleton.require(body.skeleton(), "the body model")?;
     let joints = body.canonical_joints(&avatar.subject.betas)?;
     let distances = joints.iter().zip(&avatar.subject.joints).map(|(body, avatar)| body.distance(*avatar));
     let farthest = distances.fold(0.0, f32::max);
@@ -163,6 +175,6 @@ fn require_own_body(avatar: &Avatar, body: &BodyModel) -> Result<()> {
         path: body.path().into(),
         found: format!("a body model whose joints are up to {:.1} mm from the avatar's", 1000.0 * farthest),
         expected: "the model that the avatar was trained with".into(),
-        remedy: format!("pass that model, of gender {}, or none", avatar.subject.gender),
+        remedy: format!("pass that model, of gender {}, or none", avatar.subject.gender).into(),
     }))
 }

@@ -18,13 +18,15 @@ use crate::mesh::TriangleMesh;
 /// ```
 ///
 /// with [R | l] the rotation R followed by the translation l. [`posed`](Self::posed) does this. Normals turn with the blended
-/// matrix of their vertex; morphs leave them as they are. R_tj are SMPL-X's own rotations, so any SMPL-X pose drives the rig.
+/// matrix of their vertex; morphs leave them as they are. R_tj are the skeleton's own rotations, so any of its poses drives the rig.
 #[derive(Clone, Debug)]
 pub struct RiggedMesh {
     /// The mesh in its bind pose, the avatar's canonical pose: vertices (V), faces, normals and colours.
     pub mesh: TriangleMesh,
     /// The skeleton (J), parents before their children.
     pub joints: Vec<Joint>,
+    /// The names of the body's parts, for people.
+    pub parts: Vec<String>,
     /// K.
     pub influences: usize,
     /// The joints that hold each vertex (V, K), the strongest first; 0 where the weight is 0.
@@ -40,8 +42,10 @@ pub struct RiggedMesh {
 /// A joint of the skeleton.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// SMPL-X's name.
-    pub name: &'static str,
+    /// The skeleton's name for it.
+    pub name: String,
+    /// The part of the body that it moves: a place in [`RiggedMesh::parts`].
+    pub part: usize,
     /// The joint it hangs on; none for the root, which is the first.
     pub parent: Option<usize>,
     /// Where it is in its parent's frame (the root: in the world), metres; the same in every pose.
@@ -55,7 +59,7 @@ pub struct Joint {
 /// A shape that is added to the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Morph {
-    /// `expression_0` to `expression_9` for SMPL-X's expression coefficients, `corrective_0` and on for the clip's.
+    /// `expression_0` and on for the body model's expression coefficients, `corrective_0` and on for the clip's.
     pub name: String,
     /// What a weight of 1 adds to each vertex in the bind pose (V), metres.
     pub offsets: Vec<Vec3>,

@@ -8,13 +8,12 @@ use glam::{Affine3A, DMat3, DVec3, Mat3, Vec3};
 use rayon::prelude::*;
 
 use super::correctives::Correctives;
-use super::expressions::EXPRESSIONS;
 use super::influences::Influences;
 use super::reference::{Frame, Reference, skin};
 use super::report::{RigReport, Sum};
 use super::rig::{Animation, Morph, RiggedMesh, blend, morph, skinning_transforms};
 use crate::avatar::Avatar;
-use crate::body::{BodyModel, BodyParameters, JOINTS};
+use crate::body::{BodyModel, Pose};
 use crate::{Error, InputError, Result};
 
 /// Largest displacement that is left uncorrected, metres: half of what a reader should be able to tell.
@@ -44,13 +43,13 @@ impl Rigging {
     /// frames done and their number, about three a frame.
     ///
     /// # Errors
-    /// [`Error::Value`] for settings out of range, a motion without frames, or hands relative to a body model that is not given;
-    /// [`Error::Mismatch`] for a body model that is not the avatar's; as [`Avatar::extract_canonical`].
+    /// [`Error::Value`] for settings out of range, a motion without frames, or of another skeleton; [`Error::Mismatch`] for a body
+    /// model that is not the avatar's; as [`Avatar::extract_canonical`].
     pub fn rig(
         &self,
         avatar: &Avatar,
         body: Option<&BodyModel>,
-        frames: &[BodyParameters],
+        frames: &[Pose],
         frames_per_second: f32,
         mut progress: impl FnMut(usize, usize),
     ) -> Result<(RiggedMesh, RigReport)> {
@@ -64,8 +63,8 @@ impl Rigging {
             progress(done, total);
         };
         let mut displacements = Vec::with_capacity(fitted);
-        for (index, parameters) in frames.iter().enumerate().step_by(stride).take(fitted) {
-            displacements.push(builder.displacements(&builder.frame(index, parameters)?));
+        for (index, pose) in frames.iter().enumerate().step_by(stride).take(fitted) {
+            displacements.push(builder.displacements(&builder.frame(index, pose)?));
             advance();
         }
         let correctives = Correctives::fit(displacements, self.correctives, TOLERANCE);
@@ -73,25 +72,27 @@ impl Rigging {
         let (mut pruning, mut uncorrected) = (Sum::default(), Sum::default());
         let mut animation = Animation::new(frames_per_second);
         let mut amounts: Vec<Vec<f32>> = Vec::with_capacity(frames.len());
-        for (index, parameters) in frames.iter().enumerate() {
-            let frame = builder.frame(index, parameters)?;
+        let mut expressions: Vec<Vec<f32>> = Vec::with_capacity(frames.len());
+        for (index, pose) in frames.iter().enumerate() {
+            let frame = builder.frame(index, pose)?;
             let transforms = builder.transforms(&frame);
             pruning.add(&skin(&builder.influences, &transforms, &frame.points), &frame.posed);
             uncorrected.add(&skin(&builder.influences, &transforms, &builder.expressed(&frame)), &frame.posed);
             amounts.push(correctives.weights(&builder.displacements(&frame)));
             animation.push(&frame);
+            expressions.push(frame.expression);
             advance();
         }
         builder.add_correctives(correctives, &mut amounts);
-        for (parameters, amounts) in frames.iter().zip(amounts) {
-            animation.morph_weights.extend(parameters.expression.iter().chain(&amounts));
+        for (expression, amounts) in expressions.iter().zip(&amounts) {
+            animation.morph_weights.extend(expression.iter().chain(amounts));
         }
 
         // Of what is written, not of how it was made.
         let rigged = builder.rigged(animation);
         let mut corrected = Sum::default();
-        for (index, parameters) in frames.iter().enumerate() {
-            corrected.add(&rigged.posed(index), &builder.frame(index, parameters)?.posed);
+        for (index, pose) in frames.iter().enumerate() {
+            corrected.add(&rigged.posed(index), &builder.frame(index, pose)?.posed);
             advance();
         }
         let cut = builder.influences.kept.iter().map(|kept| (1.0 - kept).max(0.0));
@@ -102,13 +103,13 @@ impl Rigging {
             pruning: pruning.deviation(),
             uncorrected: uncorrected.deviation(),
             corrected: corrected.deviation(),
-            correctives: builder.morphs.len() - EXPRESSIONS,
+            correctives: builder.morphs.len() - builder.reference.expression_count(),
             dropped_components: builder.reference.dropped_components,
         };
         Ok((rigged, report))
     }
 
-    fn check(&self, frames: &[BodyParameters], frames_per_second: f32) -> Result<()> {
+    fn check(&self, frames: &[Pose], frames_per_second: f32) -> Result<()> {
         if ![4, 8].contains(&self.influences) {
             return Err(Error::from(InputError::Value {
                 name: "influences".into(),
@@ -138,7 +139,7 @@ struct Builder<'a> {
 impl<'a> Builder<'a> {
     fn new(avatar: &Avatar, body: Option<&'a BodyModel>, rigging: &Rigging) -> Result<Self> {
         let reference = Reference::new(avatar, body, rigging.resolution)?;
-        let influences = Influences::strongest(&reference.weights, JOINTS, rigging.influences);
+        let influences = Influences::strongest(&reference.weights, reference.joint_count(), rigging.influences);
         let expression = |(index, offsets)| Morph::new(format!("expression_{index}"), offsets);
         let morphs = reference.expressions()?.into_iter().enumerate().map(expression).collect();
         Ok(Self { reference, influences, morphs })
@@ -150,8 +151,8 @@ impl<'a> Builder<'a> {
         count.div_ceil(fit.max(2))
     }
 
-    fn frame(&self, index: usize, parameters: &BodyParameters) -> Result<Frame> {
-        self.reference.frame(parameters).map_err(|error| error.in_frame(format!("{} of the motion", index + 1)))
+    fn frame(&self, index: usize, pose: &Pose) -> Result<Frame> {
+        self.reference.frame(pose).map_err(|error| error.in_frame(format!("{} of the motion", index + 1)))
     }
 
     fn transforms(&self, frame: &Frame) -> Vec<Affine3A> {
@@ -161,7 +162,7 @@ impl<'a> Builder<'a> {
     /// Canonical vertices with the expression's morphs (V).
     fn expressed(&self, frame: &Frame) -> Vec<Vec3> {
         let mut points = self.reference.mesh.vertices.clone();
-        morph(&mut points, &self.morphs[..EXPRESSIONS], &frame.expression);
+        morph(&mut points, &self.morphs[..self.reference.expression_count()], &frame.expression);
         points
     }
 
@@ -196,6 +197,7 @@ impl<'a> Builder<'a> {
         RiggedMesh {
             mesh: self.reference.mesh.clone(),
             joints: self.reference.joints.clone(),
+            parts: self.reference.parts(),
             influences: self.influences.count,
             skin_joints: self.influences.joints.clone(),
             skin_weights: self.influences.weights.clone(),
@@ -225,7 +227,7 @@ impl Animation {
     }
 
     fn push(&mut self, frame: &Frame) {
-        let mut rotations = frame.rotations.to_vec();
+        let mut rotations = frame.rotations.clone();
         if let Some(before) = self.rotations.last() {
             for (rotation, before) in rotations.iter_mut().zip(before) {
                 *rotation = if rotation.dot(*before) < 0.0 { -*rotation } else { *rotation };

@@ -88,6 +88,7 @@ impl RiggedMesh {
             skin_weights: pick_rows(&self.skin_weights, sources, self.influences),
             morphs,
             joints: self.joints,
+            parts: self.parts,
             influences: self.influences,
             animation: self.animation,
         }

@@ -6,16 +6,17 @@
 use rayon::prelude::*;
 use xavatar_network::{
     Backward, Bounds, GeometryField, KinematicTree, MlpGradient, SkinningField, SkinningTrace, SkinningWeights,
-    TextureField, Trace, matrix_product,
+    TextureField, Trace,
 };
 
+use xavatar_vector::{Matrix, MatrixMut, Write, product};
+
 use super::Seconds;
+use crate::body::smplx;
 use crate::config::{Config, SkinningSettings};
-use crate::fields::{CONDITION, skeleton_parents};
+use crate::fields::{BLOCK_ROWS, Condition};
 use crate::{Error, InputError, Result};
 
-/// As training has them.
-const BLOCK_ROWS: usize = 256;
 /// Rows, inner extent and columns of the reference products: large, and as one block of the geometry network.
 const REFERENCES: [[usize; 3]; 3] = [[1024, 1024, 1024], [512, 512, 512], [BLOCK_ROWS, 512, 512]];
 /// Multiply-adds of one measurement of the reference, a thread.
@@ -116,10 +117,12 @@ impl Networks {
             }));
         };
         let random = || <rand_chacha::ChaCha8Rng as rand::SeedableRng>::seed_from_u64(1);
-        let mut geometry = GeometryField::new(&fields.geometry, CONDITION, fields.representation, BOUNDS)?;
+        let skeleton = smplx::skeleton();
+        let condition = Condition::new(skeleton, smplx::EXPRESSIONS).width();
+        let mut geometry = GeometryField::new(&fields.geometry, condition, fields.representation, BOUNDS)?;
         let width = fields.geometry.width;
         let mut texture = TextureField::new(&fields.texture, fields.geometry.embedded, width, BOUNDS)?;
-        let tree = KinematicTree::new(&skeleton_parents())?;
+        let tree = KinematicTree::new(&skeleton.parents)?;
         let mut skinning = SkinningField::new(tree, shape.depth, shape.width, shape.frequencies, shape.blend.into())?;
         geometry.initialise(&mut random());
         texture.initialise(&mut random());
@@ -138,7 +141,7 @@ impl Networks {
             along: vec![1e-3; 3 * BLOCK_ROWS],
         };
         Ok(Self {
-            embedded: geometry.mlp.embed(&[0.1; CONDITION]),
+            embedded: geometry.mlp.embed(&vec![0.1; condition]),
             texture_points: points.iter().map(|[x, y, z]| [*x, *y, *z, *y, *z, *x]).collect(),
             features: (0..points.len() * width).map(|index| (index % 7) as f32 * 0.1).collect(),
             references: REFERENCES.map(Product::new).into(),
@@ -236,14 +239,15 @@ impl Product {
 
     /// Operations a second.
     fn rate(&mut self) -> f64 {
-        let extents = self.extents;
-        let work: usize = extents.iter().product();
+        let [rows, inner, columns] = self.extents;
+        let work = rows * inner * columns;
         let repeats = REFERENCE_WORK / work;
         let threads = self.operands.len();
         let seconds = Seconds::of(1, || {
             self.operands.par_iter_mut().for_each(|[c, a, b]| {
                 for _ in 0..repeats {
-                    matrix_product(extents, a, b, c);
+                    let (a, b) = (Matrix::new(a, rows, inner, inner), Matrix::new(b, inner, columns, columns));
+                    product(MatrixMut::new(c, rows, columns, columns), Write::Replace, a, b);
                 }
             });
         });

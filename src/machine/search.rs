@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use super::Seconds;
 use crate::avatar::Avatar;
 use crate::config::{Config, SearchedField, Starts};
-use crate::correspondence::{PosedField, PosedWarp, bake, bone_rows, start_groups};
+use crate::fields::{PosedWarp, bone_rows, start_groups};
 use crate::synthetic::{BuiltInSubject, Split};
 use crate::train::{Event, Trainer, TrainingFrames};
 use crate::{InputError, Result};
@@ -61,13 +61,13 @@ impl PosedSubject {
         let mut trainer =
             Trainer::start(&config, TrainingFrames::Scans(&frame), model, labels, folder.path(), &mut unwatched)?;
         trainer.run(&AtomicBool::new(false), &mut unwatched)?;
-        let avatar = trainer.avatar();
-        let parameters = &frame.frames()[0].parameters;
-        let vertices = model.pose(parameters)?.vertices.into_iter().cycle().take(points);
+        let avatar = trainer.avatar()?;
+        let pose = model.resolve(&frame.frames()[0].parameters)?;
+        let vertices = model.pose(&pose)?.vertices.into_iter().cycle().take(points);
         Ok(Self {
             avatar,
-            bones: bone_rows(&model.canonical_to_posed(parameters)?),
-            points: vertices.map(|vertex| (vertex - parameters.transl).to_array()).collect(),
+            bones: bone_rows(&model.canonical_to_posed(&pose)?),
+            points: vertices.map(|vertex| (vertex - pose.translation).to_array()).collect(),
         })
     }
 
@@ -77,24 +77,16 @@ impl PosedSubject {
     /// If the field cannot be baked on such a grid.
     pub fn search(&self, searched: SearchedField, repeats: usize) -> Result<SearchSpeed> {
         let Avatar { fields, config, subject, .. } = &self.avatar;
-        let baked = bake(&fields.skinning, searched, subject.bounds)?;
+        let baked = fields.skinning.bake(searched, subject.bounds)?;
         let warp = match &baked {
-            None => PosedWarp::new(&fields.skinning, None, &self.bones, None)?,
-            Some(baked) => PosedWarp::Voxels(baked.warp(&self.bones, None)?),
+            None => fields.skinning.warp(None, &self.bones, None)?,
+            Some(baked) => PosedWarp::sampled(baked, &self.bones)?,
         };
-        let groups = start_groups(Starts::Body)?;
-        let field = PosedField {
-            fields,
-            bones: &self.bones,
-            embedded: &[],
-            groups: &groups,
-            settings: &config.search,
-            warp: &warp,
-            bounds: subject.bounds,
-        };
+        let groups = start_groups(Starts::Body, &subject.skeleton)?;
         let labels = vec![0; self.points.len()];
-        let found = field.candidates(&self.points, &labels)?.statistics;
-        let seconds = Seconds::of(repeats, || drop(field.candidates(&self.points, &labels)));
+        let search = || warp.candidates(&groups, &config.search, &self.points, &labels);
+        let found = search()?.statistics;
+        let seconds = Seconds::of(repeats, || drop(search()));
         Ok(SearchSpeed {
             roots: found.converged,
             starts: found.starts,

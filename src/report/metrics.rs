@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::chart::{Chart, Dot, number};
+use crate::body::Role;
 use crate::evaluate::{FrameMetrics, PartMetrics, Report, SMPLX_D};
 
 /// The metrics as the template takes them.
@@ -56,21 +57,30 @@ const METRICS: [Metric; 4] = [
     ("IoU", "", |part| format!("{:.3}", part.iou), |part| 1.0 - part.iou),
 ];
 
-/// The metrics of one part.
-type OfPart = fn(&FrameMetrics) -> Option<PartMetrics>;
+/// The metrics of a role's parts, or of the whole body, and the name of their rows.
+fn of_part(metrics: &FrameMetrics, role: Option<Role>) -> Option<PartMetrics> {
+    role.map_or(metrics.all, |role| metrics.of(role))
+}
 
-const PARTS: [(&str, OfPart); 3] =
-    [("Whole body", |parts| parts.all), ("Hands", |parts| parts.hands), ("Face", |parts| parts.face)];
+fn name_of(role: Option<Role>) -> &'static str {
+    match role {
+        None => "Whole body",
+        Some(Role::Body) => "Body",
+        Some(Role::Hands) => "Hands",
+        Some(Role::Face) => "Face",
+    }
+}
 
 impl MetricsTable {
     /// Of what was measured on frames that `frames_of` describes.
     pub(super) fn of(report: &Report, frames_of: &str) -> Self {
         let (mean, baseline) = (report.mean(), report.baseline_mean());
-        let of_avatar = |part: OfPart| ("avatar", "avatar", part(&mean));
-        let of_baseline = |part: OfPart| baseline.as_ref().map(|baseline| ("baseline", SMPLX_D, part(baseline)));
+        let parts: Vec<Option<Role>> = std::iter::once(None).chain(mean.by_role.keys().copied().map(Some)).collect();
+        let of_avatar = |part| ("avatar", "avatar", of_part(&mean, part));
+        let of_baseline = |part| baseline.as_ref().map(|baseline| ("baseline", SMPLX_D, of_part(baseline, part)));
         let rows_of = |part| std::iter::once(of_avatar(part)).chain(of_baseline(part));
         let measured: Vec<PartMetrics> =
-            PARTS.iter().flat_map(|(_, part)| rows_of(*part)).filter_map(|(_, _, metrics)| metrics).collect();
+            parts.iter().flat_map(|part| rows_of(*part)).filter_map(|(_, _, metrics)| metrics).collect();
         let largest = METRICS.map(|(_, _, _, error)| measured.iter().map(error).fold(f64::MIN_POSITIVE, f64::max));
         let cell = |metrics: Option<PartMetrics>, index: usize| match metrics {
             None => Cell { text: "\u{2013}".into(), share: 0.0 },
@@ -85,7 +95,10 @@ impl MetricsTable {
         Self {
             caption: caption(report, frames_of),
             columns: METRICS.map(|(name, unit, ..)| Column { name, unit }).into(),
-            parts: PARTS.map(|(name, part)| PartRows { name, rows: rows_of(part).map(row).collect() }).into(),
+            parts: parts
+                .iter()
+                .map(|part| PartRows { name: name_of(*part), rows: rows_of(*part).map(row).collect() })
+                .collect(),
             by_frame: by_frame(report),
         }
     }
@@ -103,8 +116,9 @@ fn caption(report: &Report, frames_of: &str) -> String {
             " SMPLX+D is the body model with the mean offset of each of its vertices: what one gets without learning.";
     }
     let missing = report.missing();
-    for (part, missing) in [("hands", missing.hands), ("face", missing.face)] {
+    for (role, missing) in missing.by_role {
         if missing > 0 {
+            let part = name_of(Some(role)).to_lowercase();
             text += &format!(" The {part} could not be measured in {missing} of them.");
         }
     }
@@ -120,7 +134,8 @@ fn by_frame(report: &Report) -> Option<ByFrame> {
         .per_frame
         .iter()
         .map(|frame| {
-            let baseline = frame.baseline.and_then(|metrics| dot("baseline", SMPLX_D, &frame.frame, metrics.all));
+            let baseline =
+                frame.baseline.as_ref().and_then(|metrics| dot("baseline", SMPLX_D, &frame.frame, metrics.all));
             let dots = baseline.into_iter().chain(dot("avatar", "avatar", &frame.frame, frame.metrics.all)).collect();
             (short_name(&frame.frame), dots)
         })
@@ -152,12 +167,16 @@ mod tests {
         Some(PartMetrics { cd_mm, cd_max_mm: 10.0 * cd_mm, nc, iou: 0.5, iou_box: 0.75 })
     }
 
+    fn parts(all: Option<PartMetrics>, hands: Option<PartMetrics>) -> FrameMetrics {
+        Parts { all, by_role: [(Role::Hands, hands), (Role::Face, None)].into() }
+    }
+
     #[test]
     fn bars_of_a_column_share_a_scale_and_shorter_is_better() {
         let frame = |number: u32| FrameReport {
             frame: format!("test/Take1/f{number:05}"),
-            metrics: Parts { all: part(1.0, 0.99), hands: part(2.0, 0.98), face: None },
-            baseline: Some(Parts { all: part(4.0, 0.96), hands: part(3.0, 0.97), face: None }),
+            metrics: parts(part(1.0, 0.99), part(2.0, 0.98)),
+            baseline: Some(parts(part(4.0, 0.96), part(3.0, 0.97))),
         };
         let report = Report { per_frame: vec![frame(7), frame(120)] };
         let table = MetricsTable::of(&report, "of the test split");

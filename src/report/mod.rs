@@ -22,7 +22,7 @@ use image::RgbImage;
 pub use closeup::closeup;
 pub use machine::machine;
 pub use page::Fact;
-pub use part_colours::{PART_NAMES, part_colours};
+pub use part_colours::{part_colour, part_colours, part_names};
 
 use self::chart::{grouped, number};
 use self::metrics::MetricsTable;
@@ -32,6 +32,7 @@ use self::scene::ViewerScene;
 use self::training::TrainingRecord;
 use crate::Result;
 use crate::avatar::Avatar;
+use crate::body::Role;
 use crate::evaluate;
 use crate::export::RiggedMesh;
 use crate::mesh::camera::{PinholeCamera, THREE_QUARTER};
@@ -136,7 +137,8 @@ impl Report<'_> {
         let mut figures = Vec::new();
         if let Some((report, _)) = &self.evaluation {
             let mean = report.mean();
-            let parts = [("Body, CD", mean.all), ("Hands, CD", mean.hands), ("Face, CD", mean.face)];
+            let parts =
+                [("Body, CD", mean.all), ("Hands, CD", mean.of(Role::Hands)), ("Face, CD", mean.of(Role::Face))];
             let distance = |(label, part): (_, Option<evaluate::PartMetrics>)| {
                 Some(KeyFigure { label, value: format!("{:.2}", part?.cd_mm), unit: "mm" })
             };
@@ -153,11 +155,10 @@ impl Report<'_> {
 
     fn all_facts(&self, training: &TrainingRecord) -> Vec<Fact> {
         let Avatar { fields, config, .. } = self.avatar;
-        let parameters: usize = fields.networks().iter().map(|network| network.parameters().len()).sum();
-        let logits = fields.skinning.voxels().map_or(0, |voxels| voxels.parameters().len());
+        let parameters: usize = fields.parameters().map(<[f32]>::len).named().iter().map(|(_, count)| count).sum();
         let mut facts = vec![Fact::new("Preset", config.preset.clone())];
         facts.extend(self.facts.iter().cloned());
-        facts.push(Fact::new("Parameters", grouped((parameters + logits) as i64)));
+        facts.push(Fact::new("Parameters", grouped(parameters as i64)));
         if let Some(seconds) = training.seconds() {
             facts.push(Fact::new("Time in training steps", duration(seconds)));
         }

@@ -1,25 +1,30 @@
 //! The colours of a body's parts in pictures and reports (palette of Okabe & Ito).
 
-use crate::body::{Part, PartLabels};
+use crate::body::{Part, PartLabels, Skeleton};
 
-/// The parts of the body, and eyes and mouth, with their colours.
-pub const PART_NAMES: [(&str, [u8; 3]); 5] = [
-    ("body", [86, 180, 233]),
-    ("face", [230, 159, 0]),
-    ("left hand", [0, 158, 115]),
-    ("right hand", [204, 121, 167]),
-    ("eyes, mouth", [213, 94, 0]),
-];
+/// By the parts' places, again from the first after the last: sky blue, orange, green, purple, blue, yellow.
+const PARTS: [[u8; 3]; 6] =
+    [[86, 180, 233], [230, 159, 0], [0, 158, 115], [204, 121, 167], [0, 114, 178], [240, 228, 66]];
+/// What is sampled more densely of a part: vermilion.
+const DETAIL: [u8; 3] = [213, 94, 0];
+
+/// The colour of a part.
+#[must_use]
+pub fn part_colour(part: Part) -> [u8; 3] {
+    PARTS[part.index() % PARTS.len()]
+}
+
+/// The parts of a body, then their details, with their colours.
+#[must_use]
+pub fn part_names(skeleton: &Skeleton) -> Vec<(String, [u8; 3])> {
+    let details = skeleton.parts.iter().filter_map(|group| group.detail.as_ref());
+    let details = details.map(|detail| (detail.name.replace('_', ", "), DETAIL));
+    skeleton.parts().map(|(part, group)| (group.title(), part_colour(part))).chain(details).collect()
+}
 
 /// The colour of each vertex's part (V).
 #[must_use]
 pub fn part_colours(labels: &PartLabels) -> Vec<[u8; 3]> {
-    let of_part = |part: Part| match part {
-        Part::Body => PART_NAMES[0].1,
-        Part::Face => PART_NAMES[1].1,
-        Part::LeftHand => PART_NAMES[2].1,
-        Part::RightHand => PART_NAMES[3].1,
-    };
-    let labels = labels.parts.iter().zip(&labels.eyes_mouth);
-    labels.map(|(part, eyes_mouth)| if *eyes_mouth { PART_NAMES[4].1 } else { of_part(*part) }).collect()
+    let labels = labels.parts.iter().zip(&labels.detail);
+    labels.map(|(part, is_detail)| if *is_detail { DETAIL } else { part_colour(*part) }).collect()
 }

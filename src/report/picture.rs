@@ -1,8 +1,5 @@
 //! Pictures inside the page: PNG as data URIs, no larger than they are shown.
 
-use std::io;
-use std::path::Path;
-
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -34,18 +31,6 @@ pub(super) fn data_uri(picture: &RgbImage, width: u32) -> Result<String> {
             })
         })?;
     Ok(format!("data:image/png;base64,{}", STANDARD.encode(bytes)))
-}
-
-/// Reads a PNG that a run wrote.
-///
-/// # Errors
-/// [`Error::Io`] if it is not there, or no picture.
-pub(super) fn read_png(path: &Path) -> Result<RgbImage> {
-    let picture = image::open(path).map_err(|error| match error {
-        image::ImageError::IoError(error) => error,
-        error => io::Error::new(io::ErrorKind::InvalidData, error),
-    });
-    Ok(picture.map(|picture| picture.to_rgb8()).map_err(InputError::io(path))?)
 }
 
 #[cfg(test)]

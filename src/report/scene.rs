@@ -8,10 +8,9 @@ use base64::engine::general_purpose::STANDARD;
 use glam::{Mat4, Vec3};
 use serde::Serialize;
 
-use super::part_colours::part_colours;
-use crate::body::{Part, PartLabelSource, PartLabels};
+use super::part_colours::part_colour;
+use crate::body::Part;
 use crate::export::RiggedMesh;
-use crate::fields::skeleton_parents;
 use crate::mesh::Colouring;
 use crate::render::joint_colours;
 use crate::{Error, InputError, Result};
@@ -33,6 +32,8 @@ pub(super) struct ViewerScene {
     joints: PackedArray,
     weights: PackedArray,
     faces: PackedArray,
+    /// (J).
+    joint_names: Vec<String>,
     /// Of each joint but the root (J); the root's is 0, as JSON knows no index that is none.
     parents: Vec<usize>,
     /// Where each joint is in its parent's frame (J, 3).
@@ -59,7 +60,7 @@ struct PackedArray {
 
 #[derive(Clone, Debug, Serialize)]
 struct NamedPart {
-    name: &'static str,
+    name: String,
     colour: [u8; 3],
 }
 
@@ -122,12 +123,13 @@ impl ViewerScene {
             joints: packed("u8", rig.skin_joints.iter().copied()),
             weights: packed("u8", rig.skin_weights.as_chunks().0.iter().flat_map(quantised_weights)),
             faces,
+            joint_names: rig.joints.iter().map(|joint| joint.name.clone()).collect(),
             parents: rig.joints.iter().map(|joint| joint.parent.unwrap_or(0)).collect(),
             joint_places: floats(rig.joints.iter().flat_map(|joint| joint.translation.to_array())),
             inverse_binds: floats(inverse_binds),
-            joint_parts: (0..rig.joints.len()).map(|joint| index_of(Part::of_joint(joint))).collect(),
-            joint_colours: joint_colours(&skeleton_parents()),
-            parts: named_parts(),
+            joint_parts: rig.joints.iter().map(|joint| joint.part).collect(),
+            joint_colours: joint_colours(&rig.joints.iter().map(|joint| joint.parent).collect::<Vec<_>>()),
+            parts: named_parts(rig),
             expressions: Expressions::of(rig),
             motion: PackedMotion::of(rig),
             live: None,
@@ -200,24 +202,12 @@ fn shares(values: impl Iterator<Item = f32>) -> PackedArray {
     packed("i16", values.flat_map(|value| ((value * f32::from(i16::MAX)).round() as i16).to_le_bytes()))
 }
 
-fn index_of(part: Part) -> usize {
-    Part::ALL.iter().position(|other| *other == part).unwrap_or(0)
-}
-
-fn named_parts() -> Vec<NamedPart> {
-    let parts = Part::ALL.to_vec();
-    let labels = PartLabels { eyes_mouth: vec![false; parts.len()], parts, source: PartLabelSource::SkinningWeights };
-    let named = labels.parts.iter().zip(part_colours(&labels));
-    named.map(|(part, colour)| NamedPart { name: name_of(*part), colour }).collect()
-}
-
-fn name_of(part: Part) -> &'static str {
-    match part {
-        Part::Body => "Body",
-        Part::Face => "Face and neck",
-        Part::LeftHand => "Left hand",
-        Part::RightHand => "Right hand",
-    }
+fn named_parts(rig: &RiggedMesh) -> Vec<NamedPart> {
+    let named = |(part, name): (u8, &String)| {
+        let (first, rest) = name.split_at(name.chars().next().map_or(0, char::len_utf8));
+        NamedPart { name: first.to_uppercase() + rest, colour: part_colour(Part(part)) }
+    };
+    (0..).zip(&rig.parts).map(named).collect()
 }
 
 #[cfg(test)]

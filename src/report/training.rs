@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::chart::{Chart, grouped, number};
 use super::page::{Curve, Picture};
-use super::picture::{data_uri, read_png};
+use super::picture::data_uri;
 use crate::Result;
+use crate::formats::read_picture;
 use crate::train::{NotedStep, Stage, has_notes, noted_steps, previews};
 
 /// Previews that are shown, evenly spaced over the run.
@@ -107,7 +108,7 @@ impl TrainingRecord {
                     name: String::new(),
                     alternative: format!("{caption}: scan and avatar in colour, then their normals"),
                     caption,
-                    picture: data_uri(&read_png(path)?, width)?,
+                    picture: data_uri(&read_picture(path)?.into_rgb8(), width)?,
                 })
             })
             .collect()

@@ -10,7 +10,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use crate::Result;
-use crate::body::{BodyParameters, HandPose, PoseAxisAngle};
+use crate::body::{HandPose, PoseAxisAngle, smplx};
 use crate::data::{Clip, Motion, MotionOptions};
 
 /// The name of the dance, where a motion's path is asked for.
@@ -71,12 +71,12 @@ pub fn load_clip(path: &Path, options: &MotionOptions) -> Result<Clip> {
 }
 
 /// The frames of one loop.
-fn frames() -> Vec<BodyParameters> {
+fn frames() -> Vec<smplx::Parameters> {
     (0..FRAMES).map(|frame| pose(frame as f32 / FRAMES as f32)).collect()
 }
 
 /// The pose at `time` of the loop, of period 1.
-fn pose(time: f32) -> BodyParameters {
+fn pose(time: f32) -> smplx::Parameters {
     let phase = TAU * time;
     // The whole loop, half of it (two beats), and the beat.
     let [slow, swing, beat] = [1.0, 2.0, 4.0].map(|multiple| phase * multiple);
@@ -115,9 +115,9 @@ fn pose(time: f32) -> BodyParameters {
     let [left_hand, right_hand] = [1.0, -1.0].map(|sign| hand(swing + if sign > 0.0 { 0.0 } else { TAU / 4.0 }, sign));
     let gaze = PoseAxisAngle(Vec3::Y * (0.12 * (slow + 1.2).sin()));
     let knees_lower = 2.0 * LEG_BONE * (1.0 - (0.5 * bend).cos());
-    BodyParameters {
-        betas: [0.0; 10],
-        expression: [
+    smplx::Parameters {
+        betas: Vec::new(),
+        expression: vec![
             1.0 * (0.5 + 0.5 * slow.sin()),
             0.8 * sway,
             0.6 * slow.cos(),
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     /// Every rotation of a pose, and its other parameters.
-    fn numbers(parameters: &BodyParameters) -> Vec<f32> {
+    fn numbers(parameters: &smplx::Parameters) -> Vec<f32> {
         let hand = |hand: &HandPose| match hand {
             HandPose::Flat(joints) => joints.to_vec(),
             _ => panic!("the dance's hands are absolute"),
@@ -167,10 +167,10 @@ mod tests {
         let rotations = [parameters.global_orient].into_iter().chain(parameters.body_pose).chain(single);
         let rotations = rotations.chain(hand(&parameters.left_hand_pose)).chain(hand(&parameters.right_hand_pose));
         let components = rotations.flat_map(|rotation| rotation.0.to_array());
-        components.chain(parameters.expression).chain(parameters.transl.to_array()).collect()
+        components.chain(parameters.expression.clone()).chain(parameters.transl.to_array()).collect()
     }
 
-    fn largest_difference(first: &BodyParameters, second: &BodyParameters) -> f32 {
+    fn largest_difference(first: &smplx::Parameters, second: &smplx::Parameters) -> f32 {
         let pairs = numbers(first).into_iter().zip(numbers(second));
         pairs.map(|(first, second)| (first - second).abs()).fold(0.0, f32::max)
     }
@@ -189,12 +189,12 @@ mod tests {
     #[test]
     fn every_part_of_the_body_moves() {
         let frames = frames();
-        let range = |value: fn(&BodyParameters) -> f32| {
+        let range = |value: fn(&smplx::Parameters) -> f32| {
             let values: Vec<f32> = frames.iter().map(value).collect();
             values.iter().copied().fold(f32::MIN, f32::max) - values.iter().copied().fold(f32::MAX, f32::min)
         };
-        let finger = |parameters: &BodyParameters| numbers(parameters)[3 * 25 + 2];
-        type Value = fn(&BodyParameters) -> f32;
+        let finger = |parameters: &smplx::Parameters| numbers(parameters)[3 * 25 + 2];
+        type Value = fn(&smplx::Parameters) -> f32;
         let parts: [(Value, f32); 6] = [
             (|pose| pose.body_pose[joint::KNEES[0]].0.x, 0.5),
             (|pose| pose.body_pose[joint::SHOULDERS[1]].0.z, 0.8),

@@ -134,7 +134,7 @@ impl RgbdSource for FilmedScans<'_> {
         Ok(frame)
     }
 
-    fn betas(&self) -> [f32; 10] {
+    fn betas(&self) -> &[f32] {
         self.scans.betas()
     }
 

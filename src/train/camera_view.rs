@@ -1,16 +1,17 @@
-//! What an RGB-D camera saw of one frame, made ready to draw from: points of the surface, and how far each ray was free.
+//! What an RGB-D camera saw of one frame, made ready to draw from: points of the surface, and where its rays were free.
 //!
-//! Around the observed points the signed distance is known to both sides: before a point along its normal it is positive, close
-//! behind it negative. Where the camera looks through, all is outside. What is farther behind, or beside what was seen, is
-//! unknown, and nothing is said about it. V vertices of the registered body; the body's frame, metres.
+//! Around the observed points the signed distance is known to both sides: before a point along its normal it is positive where the
+//! camera looks through, close behind it negative. What is farther behind, or beside what was seen, is unknown, and nothing is
+//! said about it. V vertices of the registered body; the body's frame, metres.
 
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
 use super::captured::RgbdCapture;
+use super::part_shares::{PartShare, part_shares, whole_share};
 use super::prepared::{BYTES_A_FACE, RegisteredBody, Surface, faces_of_part};
-use crate::body::{Part, PartLabels, Registration};
+use crate::body::{Part, PartLabels, Registration, Role, Skeleton};
 use crate::config::{Config, HandSupervision, RgbdSettings, SamplingSettings, SamplingStrategy};
 use crate::data::RgbdFrame;
 use crate::mesh::SurfaceSampler;
@@ -71,7 +72,7 @@ impl ObservedPoints {
 }
 
 /// Where a region's points are drawn.
-pub(super) enum Drawn {
+pub(super) enum Source {
     /// Observed points, by their places.
     Observed(Vec<u32>),
     /// The registered body's surface, with the colour of the nearest of these points.
@@ -82,17 +83,7 @@ pub(super) enum Drawn {
 pub(super) struct Region {
     pub part: Part,
     pub share: f64,
-    pub drawn: Drawn,
-}
-
-/// What is known about a point of space.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Knowledge {
-    /// Its signed distance to the surface.
-    Distance(f32),
-    /// It is outside, and the surface no farther than this.
-    Outside(f32),
-    Nothing,
+    pub source: Source,
 }
 
 /// One picture of an RGB-D camera.
@@ -102,16 +93,18 @@ pub(super) struct CameraView<'a> {
     pub regions: Vec<Region>,
     registration: Registration<'a>,
     /// Posed in the body's frame.
-    pub camera: PinholeCamera,
+    camera: PinholeCamera,
     frame: RgbdFrame,
     settings: RgbdSettings,
     truncation: f32,
+    /// Which of the skeleton's parts are thin.
+    is_thin: Vec<bool>,
     /// The body's vertices (V) whose surface, or what covers it, the camera sees.
     seen: Vec<bool>,
 }
 
 impl<'a> CameraView<'a> {
-    pub fn new(capture: RgbdCapture, body: RegisteredBody<'a>, config: &Config) -> Result<Self> {
+    pub fn new(capture: RgbdCapture, body: RegisteredBody<'a>, skeleton: &Skeleton, config: &Config) -> Result<Self> {
         let RgbdCapture { frame, cloud } = capture;
         let RegisteredBody { mesh, labels, registration } = body;
         let Some(settings) = config.rgbd.clone() else {
@@ -121,7 +114,7 @@ impl<'a> CameraView<'a> {
                 expected: "one for RGB-D frames".into(),
             }));
         };
-        let transl = frame.parameters.transl;
+        let transl = frame.parameters.translation();
         let points: Vec<Vec3> = cloud.points.iter().map(|point| *point - transl).collect();
         let nearest: Vec<usize> = points.par_iter().map(|point| registration.nearest_vertex(*point)).collect();
         let colours = cloud.colours.iter().map(|colour| Vec3::from(colour.map(f32::from)) / 255.0).collect();
@@ -130,8 +123,9 @@ impl<'a> CameraView<'a> {
         let camera = frame.camera;
         let camera = PinholeCamera { translation: camera.translation + camera.rotation * transl, ..camera };
         let mut view = Self {
-            regions: regions(&observed, &nearest, &mesh, labels, &config.sampling, &settings)?,
+            regions: regions(&observed, &nearest, &mesh, skeleton, labels, &config.sampling, &settings)?,
             seen: vec![false; mesh.vertices.len()],
+            is_thin: skeleton.parts.iter().map(|part| part.role == Role::Hands).collect(),
             body: Surface::new(mesh)?,
             truncation: config.losses.truncation as f32,
             observed,
@@ -162,23 +156,19 @@ impl<'a> CameraView<'a> {
         self.registration.nearest(point).0
     }
 
-    /// What the picture says about a point.
-    pub fn knowledge(&self, point: Vec3) -> Knowledge {
+    /// A point's signed distance to the surface, as far as the picture tells it.
+    pub fn distance(&self, point: Vec3) -> Option<f32> {
         let nearest = self.observed.nearest(point);
         let offset = point - self.observed.points[nearest];
         let height = offset.dot(self.observed.normals[nearest]);
-        let is_above = (offset.length_squared() - height * height).max(0.0).sqrt() < ASIDE;
-        let is_thin = matches!(self.observed.parts[nearest], Part::LeftHand | Part::RightHand);
-        let depth = if is_thin { self.settings.hand_depth } else { self.truncation };
-        if is_above && (-depth.min(CONTACT)..CONTACT).contains(&height) {
-            Knowledge::Distance(height)
-        } else if self.is_air(point) {
-            if is_above && height > 0.0 { Knowledge::Distance(height) } else { Knowledge::Outside(offset.length()) }
-        } else if is_above && (-depth..0.0).contains(&height) {
-            Knowledge::Distance(height)
-        } else {
-            Knowledge::Nothing
+        if (offset.length_squared() - height * height).max(0.0).sqrt() >= ASIDE {
+            return None;
         }
+        let is_thin = self.is_thin[self.observed.parts[nearest].index()];
+        let depth = if is_thin { self.settings.hand_depth } else { self.truncation };
+        let is_near = (-depth.min(CONTACT)..CONTACT).contains(&height);
+        let is_believed = is_near || if self.is_air(point) { height > 0.0 } else { (-depth..0.0).contains(&height) };
+        is_believed.then_some(height)
     }
 
     /// Whether the camera looks through a point, and past it on all sides.
@@ -198,7 +188,7 @@ impl<'a> CameraView<'a> {
     }
 
     /// The depth of the subject at a pixel (column, row) that shows it, metres.
-    pub fn surface_depth(&self, [column, row]: [u32; 2]) -> Option<f32> {
+    fn surface_depth(&self, [column, row]: [u32; 2]) -> Option<f32> {
         self.frame.surface_depth((row * self.camera.width + column) as usize)
     }
 
@@ -224,6 +214,7 @@ fn regions(
     observed: &ObservedPoints,
     nearest: &[usize],
     body: &crate::mesh::TriangleMesh,
+    skeleton: &Skeleton,
     labels: &PartLabels,
     sampling: &SamplingSettings,
     settings: &RgbdSettings,
@@ -231,32 +222,23 @@ fn regions(
     let places = |wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
         (0..nearest.len()).filter(|place| wanted(*place)).map(|place| place as u32).collect()
     };
-    let SamplingSettings { body_share, face_share, hand_share, .. } = *sampling;
     if sampling.strategy == SamplingStrategy::Uniform {
-        let share = body_share + face_share + 2.0 * hand_share;
-        return Ok(vec![Region { part: Part::Body, share, drawn: Drawn::Observed(places(&|_| true)) }]);
+        let (part, share) = (Part::default(), whole_share(sampling));
+        return Ok(vec![Region { part, share, source: Source::Observed(places(&|_| true)) }]);
     }
-    let of_part = |part: Part| places(&|place| observed.parts[place] == part);
-    let eyes_mouth = places(&|place| labels.eyes_mouth[nearest[place]]);
-    let mut regions = vec![
-        Region { part: Part::Body, share: body_share, drawn: Drawn::Observed(of_part(Part::Body)) },
-        Region {
-            part: Part::Face,
-            share: face_share - settings.eyes_mouth_share,
-            drawn: Drawn::Observed(of_part(Part::Face)),
-        },
-        Region { part: Part::Face, share: settings.eyes_mouth_share, drawn: Drawn::Observed(eyes_mouth) },
-    ];
-    for part in [Part::LeftHand, Part::RightHand] {
-        let drawn = Drawn::Observed(of_part(part));
-        regions.push(Region { part, share: hand_share, drawn });
-    }
-    regions.retain(|region| matches!(&region.drawn, Drawn::Observed(places) if places.len() >= FEWEST_POINTS));
+    let region = |of: PartShare| {
+        let is_shown =
+            |place: usize| observed.parts[place] == of.part && (!of.is_detail || labels.detail[nearest[place]]);
+        Region { part: of.part, share: of.share, source: Source::Observed(places(&is_shown)) }
+    };
+    let shares = part_shares(skeleton, sampling, |_| settings.eyes_mouth_share);
+    let mut regions: Vec<Region> = shares.into_iter().map(region).collect();
+    regions.retain(|region| matches!(&region.source, Source::Observed(places) if places.len() >= FEWEST_POINTS));
     if sampling.hand_supervision == HandSupervision::Registration {
         for region in &mut regions {
-            if matches!(region.part, Part::LeftHand | Part::RightHand) {
+            if skeleton.role(region.part) == Role::Hands {
                 let sampler = SurfaceSampler::new(body, Some(&faces_of_part(body, labels, region.part)))?;
-                region.drawn = Drawn::Registered(sampler, Box::new(observed.of_part(region.part)?));
+                region.source = Source::Registered(sampler, Box::new(observed.of_part(region.part)?));
             }
         }
     }
@@ -270,7 +252,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::body::{BodyParameters, PartLabelSource};
+    use crate::body::{PartLabelSource, smplx};
     use crate::data::{BACKGROUND, FrameId};
     use crate::mesh::camera::pixel_centre;
     use crate::mesh::{ExtractionGrid, Sign, extract};
@@ -293,11 +275,12 @@ mod tests {
             colour: RgbImage::from_pixel(500, 500, image::Rgb([10, 20, 30])),
             depth: depth.collect(),
             mask: None,
-            parameters: BodyParameters { transl: TRANSL, ..BodyParameters::default() },
+            parameters: smplx::Parameters { transl: TRANSL, ..Default::default() }.into(),
         };
         let registration = Registration::new(&mesh.vertices, labels).unwrap();
         let body = RegisteredBody { mesh, labels, registration };
-        CameraView::new(RgbdCapture::of(frame).unwrap(), body, &Config::preset("fast-rgbd").unwrap()).unwrap()
+        let config = Config::preset("fast-rgbd").unwrap();
+        CameraView::new(RgbdCapture::of(frame).unwrap(), body, smplx::skeleton(), &config).unwrap()
     }
 
     fn sphere() -> crate::mesh::TriangleMesh {
@@ -313,43 +296,35 @@ mod tests {
 
     fn labels(count: usize) -> PartLabels {
         let source = PartLabelSource::SkinningWeights;
-        PartLabels { parts: vec![Part::Body; count], eyes_mouth: vec![false; count], source }
+        PartLabels { parts: vec![Part(0); count], detail: vec![false; count], source }
     }
 
-    // Every distance is the sphere's, every bound holds, and both kinds of knowledge are had all over the visible side.
+    // Every distance is the sphere's, and distances are known to both sides all over the visible half.
     #[test]
     fn what_is_known_of_a_sphere_is_true() {
         let mesh = sphere();
         let labels = labels(mesh.vertices.len());
         let view = view(&labels, mesh);
         let mut random = ChaCha8Rng::seed_from_u64(3);
-        let (mut before, mut behind, mut bounded, mut unknown) = (0, 0, 0, 0);
+        let (mut before, mut behind, mut unknown) = (0, 0, 0);
         for _ in 0..20_000 {
             let direction = Vec3::from(std::array::from_fn(|_| random.random_range(-1.0..1.0))).normalize();
             let distance = random.random_range(-0.1..0.15);
             let point = direction * (RADIUS + distance);
-            match view.knowledge(point) {
-                Knowledge::Distance(found) => {
+            match view.distance(point) {
+                Some(found) => {
                     assert!((found - distance).abs() < 0.002, "{point}: {found} not {distance}");
                     *(if found > 0.0 { &mut before } else { &mut behind }) += 1;
                 }
-                Knowledge::Outside(bound) => {
-                    assert!(distance > 0.0 && bound > distance - 0.002, "{point}: {bound} not {distance}");
-                    bounded += 1;
-                }
-                Knowledge::Nothing => {
-                    // Flatly seen, a few millimetres before the surface are neither near it nor certainly air.
-                    let between = distance > CONTACT - 0.001 && distance < 3.0 * CONTACT;
-                    let hidden = direction.z < 0.3 || distance < -view.truncation + 0.001 || between;
-                    assert!(hidden, "{point}: nothing, but {distance}");
-                    unknown += 1;
-                }
+                None => unknown += 1,
             }
+            // Seen from the front, near the surface or a little before it, nothing is unknown.
+            let is_plain =
+                direction.z > 0.8 && ((-0.005..0.005).contains(&distance) || (0.03..0.1).contains(&distance));
+            assert!(!is_plain || view.distance(point).is_some(), "{point}: nothing, but {distance}");
+            assert!(distance > -view.truncation - 0.001 || view.distance(point).is_none(), "{point} is too deep");
         }
-        assert!(
-            before > 2000 && behind > 500 && bounded > 500 && unknown > 2000,
-            "{before} {behind} {bounded} {unknown}"
-        );
+        assert!(before > 2000 && behind > 500 && unknown > 2000, "{before} {behind} {unknown}");
     }
 
     #[test]
@@ -371,6 +346,6 @@ mod tests {
         let mesh = sphere();
         let labels = labels(mesh.vertices.len());
         let view = view(&labels, mesh);
-        assert_eq!(view.regions.iter().map(|region| region.part).collect::<Vec<_>>(), [Part::Body]);
+        assert_eq!(view.regions.iter().map(|region| region.part).collect::<Vec<_>>(), [Part(0)]);
     }
 }

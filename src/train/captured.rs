@@ -1,8 +1,9 @@
 //! What was captured at one moment: a scan, or a picture of an RGB-D camera with the points that it shows.
 
-use crate::body::{BodyParameters, Gender};
+use crate::body::{BodyModel, BodyParameters, Gender};
 use crate::config::Config;
 use crate::data::{FrameId, FrameSource, PointCloud, RgbdFrame, RgbdSource, ScanFrame};
+use crate::mesh::Note;
 use crate::{Error, InputError, Result};
 
 /// Room around the subject that is kept of a picture, metres at the subject's distance.
@@ -25,7 +26,7 @@ impl TrainingFrames<'_> {
         }
     }
 
-    pub(super) fn betas(&self) -> [f32; 10] {
+    pub(super) fn betas(&self) -> &[f32] {
         match self {
             Self::Scans(source) => source.betas(),
             Self::Rgbd(source) => source.betas(),
@@ -76,11 +77,29 @@ impl CapturedFrame {
         }
     }
 
+    /// What reading the frame's files lost.
+    pub fn notes(&self) -> &[Note] {
+        match self {
+            Self::Scan(frame) => &frame.notes,
+            Self::Rgbd(_) => &[],
+        }
+    }
+
     pub fn parameters(&self) -> &BodyParameters {
         match self {
             Self::Scan(frame) => &frame.parameters,
             Self::Rgbd(capture) => &capture.frame.parameters,
         }
+    }
+
+    /// The frame with the pose that its parameters mean on `body`.
+    pub fn resolved(mut self, body: &BodyModel) -> Result<Self> {
+        let pose = body.resolve(self.parameters())?;
+        match &mut self {
+            Self::Scan(frame) => frame.parameters = pose.into(),
+            Self::Rgbd(capture) => capture.frame.parameters = pose.into(),
+        }
+        Ok(self)
     }
 }
 

@@ -8,7 +8,9 @@ use crate::mesh::SolidIndex;
 /// Distance between nodes, metres.
 const SPACING: f32 = 0.025;
 
-pub(super) struct DistanceGrid {
+/// A field of distances on a regular grid.
+#[derive(Debug)]
+pub struct DistanceGrid {
     low: Vec3,
     nodes: UVec3,
     values: Vec<f32>,

@@ -12,8 +12,9 @@ use super::prepared::{PreparedFrame, Supervision};
 use super::{Event, Observer, stored};
 use crate::body::{BodyModel, PartLabels};
 use crate::config::Config;
-use crate::data::FrameId;
+use crate::data::{FrameId, FrameNotes};
 use crate::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
+use crate::formats::{Choice, Remedy};
 use crate::{Error, InputError, Result};
 
 const FOLDER: &str = "cache";
@@ -59,13 +60,17 @@ impl<'a> FrameStore<'a> {
         };
         let is_complete = seen_file.is_file();
         let mut seen = vec![config.rgbd.is_none(); body.vertex_count()];
+        let mut notes = FrameNotes::default();
         let total = frames.ids().len();
         for (index, id) in frames.ids().iter().enumerate() {
             observer.event(Event::Preparing { done: index, total });
             let path = folder.join(format!("{}.npz", id.to_string().replace('/', "_")));
             if !path.is_file() {
                 match frames.read(index).and_then(|frame| store.check(frame, &mut seen)) {
-                    Ok(frame) => stored::write(&path, &frame)?,
+                    Ok(frame) => {
+                        notes.add(id, frame.notes());
+                        stored::write(&path, &frame)?;
+                    }
                     Err(error) if config.skip_bad_frames => {
                         observer.event(Event::Warning { message: format!("left out: {error}") });
                         continue;
@@ -79,11 +84,12 @@ impl<'a> FrameStore<'a> {
             store.ids.push(id.clone());
         }
         observer.event(Event::Preparing { done: total, total });
+        notes.lines().for_each(|message| observer.event(Event::Warning { message }));
         if store.ids.is_empty() {
             return Err(Error::from(InputError::Missing {
                 path: run.into(),
                 what: "a usable training frame".into(),
-                remedy: "run `xavatar check` on the data".into(),
+                remedy: Remedy::choosing(Choice::CheckData, "check the data"),
             }));
         }
         store.seen = match config.rgbd {
@@ -97,8 +103,10 @@ impl<'a> FrameStore<'a> {
         Ok(store)
     }
 
-    /// A frame that can be prepared can be trained on. Adds the vertices (V) that it shows to `seen`.
+    /// A frame that can be prepared can be trained on; its pose is resolved. Adds the vertices (V) that it shows to `seen`.
     fn check(&self, frame: CapturedFrame, seen: &mut [bool]) -> Result<CapturedFrame> {
+        let id = frame.id().to_string();
+        let frame = frame.resolved(self.body).map_err(|error| error.in_frame(id))?;
         let prepared = PreparedFrame::new(frame.clone(), self.body, self.labels, self.config)?;
         if let Supervision::Camera(view) = &prepared.supervision {
             view.add_seen_vertices(seen);

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use xavatar_formats::read_text;
+use xavatar_formats::read_bytes;
 
 use super::Stage;
 use super::metrics_log::METRICS;
 use super::trainer::PREVIEWS;
-use crate::{Error, InputError, Result};
+use crate::{InputError, Result};
 
 /// A step as it was noted: what of a [`StepRecord`](super::StepRecord) is looked at later.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -31,25 +31,20 @@ pub fn has_notes(run: &Path) -> bool {
     run.join(METRICS).is_file()
 }
 
-/// The steps that a run has made, in order.
+/// The steps that a run has made, in order. Lines that are damaged are left out: notes are no reason to lose a run.
 ///
 /// # Errors
-/// [`Error::Io`] if the run has no metrics, [`Error::Malformed`] if they are not a trainer's.
+/// [`InputError::Io`] if the run has no metrics.
 pub fn noted_steps(run: &Path) -> Result<Vec<NotedStep>> {
     let path = run.join(METRICS);
-    let text = read_text(&path)?;
-    let parse = |(number, line): (usize, &str)| {
-        serde_json::from_str(line).map_err(|error| {
-            Error::from(InputError::Malformed {
-                path: path.clone(),
-                format: "metrics",
-                place: format!("line {number}"),
-                found: error.to_string(),
-                expected: "a step as the trainer writes it".into(),
-            })
-        })
-    };
-    (1..).zip(text.lines()).map(parse).collect()
+    let bytes = read_bytes(&path)?;
+    let lines = bytes.split(|byte| *byte == b'\n').filter(|line| !line.is_empty());
+    let parsed: Vec<Option<NotedStep>> = lines.map(|line| serde_json::from_slice(line).ok()).collect();
+    let (total, steps) = (parsed.len(), parsed.into_iter().flatten().collect::<Vec<_>>());
+    if steps.len() < total {
+        log::warn!("{}: {} of {total} steps are damaged and left out", path.display(), total - steps.len());
+    }
+    Ok(steps)
 }
 
 /// Mean wall time of a run's steps on frames, seconds; none if it has made none.

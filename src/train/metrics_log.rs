@@ -10,7 +10,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use super::event_file::{EVENTS, scalars_record, version_record, whole_records};
 use super::{Stage, StepRecord};
 use crate::{InputError, Result};
-use xavatar_formats::write_atomically;
+use xavatar_formats::{read_bytes, write_atomically};
 
 /// A line a step.
 pub(super) const METRICS: &str = "metrics.jsonl";
@@ -55,10 +55,7 @@ impl MetricsLog {
 
 /// Replaces a file by what `keep` keeps of it, nothing if there is none, and opens it for appending.
 fn continue_file(path: PathBuf, keep: impl FnOnce(&[u8]) -> Vec<u8>) -> Result<(PathBuf, fs::File)> {
-    let found = match fs::read(&path) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
-        found => found.map_err(InputError::io(&path))?,
-    };
+    let found = if path.exists() { read_bytes(&path)? } else { Vec::new() };
     let kept = keep(&found);
     write_atomically(&path, |file| file.write_all(&kept))?;
     let file = fs::OpenOptions::new().append(true).open(&path).map_err(InputError::io(&path))?;

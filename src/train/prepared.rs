@@ -2,16 +2,17 @@
 //!
 //! Everything is in the body's frame: the registration's translation is subtracted from what was captured.
 
+use std::sync::Arc;
+
 use glam::Vec3;
-use xavatar_deformer::BoneTransform;
 
 use super::camera_view::CameraView;
 use super::captured::CapturedFrame;
-use crate::body::{BodyModel, Part, PartLabels, Registration};
+use super::part_shares::{PartShare, part_shares, whole_share};
+use crate::body::{BodyModel, Part, PartLabels, Registration, Role, Skeleton};
 use crate::config::{Config, HandSupervision, SamplingSettings, SamplingStrategy};
-use crate::correspondence::bone_rows;
 use crate::data::{FrameId, ScanFrame};
-use crate::fields::condition;
+use crate::fields::FieldPose;
 use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
 use crate::{Error, Result};
 
@@ -48,10 +49,7 @@ pub(super) struct Region {
 /// One frame of training data.
 pub(super) struct PreparedFrame<'a> {
     pub id: FrameId,
-    pub condition: Vec<f32>,
-    pub bones: Vec<BoneTransform<f32>>,
-    /// What expression and pose add to the canonical body's vertices (V).
-    pub offsets: Vec<Vec3>,
+    pub pose: Arc<FieldPose>,
     pub supervision: Supervision<'a>,
 }
 
@@ -81,24 +79,22 @@ impl<'a> PreparedFrame<'a> {
     pub fn new(frame: CapturedFrame, body: &BodyModel, labels: &'a PartLabels, config: &Config) -> Result<Self> {
         let id = frame.id().clone();
         let prepare = || {
-            let parameters = frame.parameters();
+            let (skeleton, pose) = (body.skeleton(), body.resolve(frame.parameters())?);
             let posed: Vec<Vec3> =
-                body.pose(parameters)?.vertices.into_iter().map(|vertex| vertex - parameters.transl).collect();
+                body.pose(&pose)?.vertices.into_iter().map(|vertex| vertex - pose.translation).collect();
             let registration = Registration::new(&posed, labels)?;
             let mut mesh = body.mesh(posed);
             mesh.normals = Some(mesh.vertex_normals());
             let registered = RegisteredBody { mesh, labels, registration };
             Ok(Self {
                 id: id.clone(),
-                condition: condition(parameters),
-                offsets: body.canonical_offsets(parameters)?,
-                bones: bone_rows(&body.canonical_to_posed(parameters)?),
+                pose: Arc::new(FieldPose::new(body, &pose)?),
                 supervision: match frame {
                     CapturedFrame::Scan(frame) => {
-                        Supervision::Scan(Box::new(ScanSupervision::new(*frame, registered, &config.sampling)?))
+                        Supervision::Scan(Box::new(ScanSupervision::new(*frame, registered, skeleton, config)?))
                     }
                     CapturedFrame::Rgbd(frame) => {
-                        Supervision::Camera(Box::new(CameraView::new(*frame, registered, config)?))
+                        Supervision::Camera(Box::new(CameraView::new(*frame, registered, skeleton, config)?))
                     }
                 },
             })
@@ -119,11 +115,11 @@ impl<'a> PreparedFrame<'a> {
 }
 
 impl<'a> ScanSupervision<'a> {
-    fn new(frame: ScanFrame, body: RegisteredBody<'a>, settings: &SamplingSettings) -> Result<Self> {
+    fn new(frame: ScanFrame, body: RegisteredBody<'a>, skeleton: &Skeleton, config: &Config) -> Result<Self> {
         let ScanFrame { mut scan, parameters, .. } = frame;
-        scan.vertices.iter_mut().for_each(|vertex| *vertex -= parameters.transl);
+        scan.vertices.iter_mut().for_each(|vertex| *vertex -= parameters.translation());
         let RegisteredBody { mesh, labels, registration } = body;
-        let regions = regions(&scan, &mesh, labels, &registration, settings)?;
+        let regions = regions(&scan, &mesh, skeleton, labels, &registration, &config.sampling)?;
         Ok(Self { scan: Surface::new(scan)?, body: Surface::new(mesh)?, registration, regions })
     }
 
@@ -139,14 +135,15 @@ impl<'a> ScanSupervision<'a> {
 fn regions(
     scan: &TriangleMesh,
     body: &TriangleMesh,
+    skeleton: &Skeleton,
     labels: &PartLabels,
     registration: &Registration,
     settings: &SamplingSettings,
 ) -> Result<Vec<Region>> {
     if settings.strategy == SamplingStrategy::Uniform {
         let sampler = SurfaceSampler::new(scan, None)?;
-        let share = settings.body_share + settings.face_share + 2.0 * settings.hand_share;
-        return Ok(vec![Region { source: Source::Scan, part: Part::Body, share, sampler }]);
+        let (part, share) = (Part::default(), whole_share(settings));
+        return Ok(vec![Region { source: Source::Scan, part, share, sampler }]);
     }
     let nearest: Vec<usize> = (0..scan.faces.len() as u32)
         .map(|face| registration.nearest_vertex(scan.corners(face).into_iter().sum::<Vec3>() / 3.0))
@@ -154,26 +151,26 @@ fn regions(
     let scan_faces = |wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
         (0..scan.faces.len()).filter(|face| wanted(nearest[*face])).map(|face| face as u32).collect()
     };
-    let of_part = |part: Part| scan_faces(&|vertex| labels.parts[vertex] == part);
-    let mut wanted = vec![
-        (Source::Scan, Part::Body, settings.body_share, of_part(Part::Body)),
-        (Source::Scan, Part::Face, settings.face_share / 2.0, of_part(Part::Face)),
-        (Source::Scan, Part::Face, settings.face_share / 2.0, scan_faces(&|vertex| labels.eyes_mouth[vertex])),
-    ];
-    for part in [Part::LeftHand, Part::RightHand] {
-        let (source, faces) = match settings.hand_supervision {
-            HandSupervision::Registration => (Source::Registration, faces_of_part(body, labels, part)),
-            HandSupervision::Scan => (Source::Scan, of_part(part)),
-        };
-        wanted.push((source, part, settings.hand_share, faces));
-    }
+    let is_registered =
+        |part: Part| settings.hand_supervision == HandSupervision::Registration && skeleton.role(part) == Role::Hands;
+    let wanted = part_shares(skeleton, settings, |share| share / 2.0).into_iter().map(|of| match of {
+        PartShare { part, share, is_detail: true } => {
+            (Source::Scan, part, share, scan_faces(&|vertex| labels.parts[vertex] == part && labels.detail[vertex]))
+        }
+        PartShare { part, share, .. } if is_registered(part) => {
+            (Source::Registration, part, share, faces_of_part(body, labels, part))
+        }
+        PartShare { part, share, .. } => {
+            (Source::Scan, part, share, scan_faces(&|vertex| labels.parts[vertex] == part))
+        }
+    });
     // A part that the frame does not show contributes nothing.
-    wanted.retain(|(.., faces)| !faces.is_empty());
+    let wanted = wanted.filter(|(.., faces)| !faces.is_empty());
     let region = |(source, part, share, faces): (Source, Part, f64, Vec<u32>)| {
         let mesh = if source == Source::Scan { scan } else { body };
         Ok(Region { source, part, share, sampler: SurfaceSampler::new(mesh, Some(&faces))? })
     };
-    wanted.into_iter().map(region).collect()
+    wanted.map(region).collect()
 }
 
 /// The faces of a body whose corners all belong to a part.

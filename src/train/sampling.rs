@@ -11,26 +11,10 @@ use rayon::prelude::*;
 use xavatar_network::Representation;
 
 use super::curve::Curve;
+use super::drawn::PosedSamples;
 use super::prepared::{ScanSupervision, Source};
-use crate::config::{SamplingSettings, SamplingStrategy};
-use crate::correspondence::part_label;
+use crate::config::{Config, SamplingStrategy};
 use crate::mesh::SurfacePoint;
-
-/// Points of one posed frame.
-#[derive(Clone, Debug, Default)]
-pub(super) struct PosedSamples {
-    pub on_points: Vec<[f32; 3]>,
-    pub on_normals: Vec<[f32; 3]>,
-    pub on_colours: Vec<[f32; 3]>,
-    pub on_labels: Vec<u8>,
-    pub off_points: Vec<[f32; 3]>,
-    pub off_targets: Vec<f32>,
-    pub off_labels: Vec<u8>,
-    /// Points of the air; the least and the greatest distance of the surface from each, metres.
-    pub free_points: Vec<[f32; 3]>,
-    pub free_bounds: Vec<[f32; 2]>,
-    pub free_labels: Vec<u8>,
-}
 
 struct OnSurface {
     source: Source,
@@ -42,14 +26,9 @@ struct OnSurface {
 /// Widens the bound on a distance past its rounding.
 const REACH_SLACK: f32 = 1.001;
 
-/// Draws a scan's points; signed distances are true up to `truncation`, metres.
-pub(super) fn draw(
-    frame: &ScanSupervision,
-    settings: &SamplingSettings,
-    representation: Representation,
-    truncation: f32,
-    random: &mut ChaCha8Rng,
-) -> PosedSamples {
+/// Draws a scan's points; signed distances are true up to the losses' truncation.
+pub(super) fn draw(frame: &ScanSupervision, config: &Config, random: &mut ChaCha8Rng) -> PosedSamples {
+    let (settings, truncation) = (&config.sampling, config.losses.truncation as f32);
     let mut drawn = Vec::new();
     for region in &frame.regions {
         let mesh = &frame.surface(region.source).mesh;
@@ -64,7 +43,7 @@ pub(super) fn draw(
             let deviation = if wide { settings.wide_deviation } else { settings.deviation };
             let noise = Vec3::from_array(std::array::from_fn(|_| random.sample(StandardNormal)));
             let off = position + deviation * noise;
-            drawn.push(OnSurface { source: region.source, label: part_label(label), place, off });
+            drawn.push(OnSurface { source: region.source, label: label.0, place, off });
         }
     }
     // Neighbours in space are then neighbours in every search that follows.
@@ -79,7 +58,7 @@ pub(super) fn draw(
     let target = |source: Source, point: Vec3, reach: f32| {
         let solid = &frame.surface(source).solid;
         let is_inside = || solid.is_inside(point);
-        match representation {
+        match config.fields.representation {
             Representation::Occupancy => f32::from(is_inside()),
             Representation::SignedDistance => solid
                 .signed_distance_within(point, REACH_SLACK * reach.min(truncation))
@@ -102,7 +81,7 @@ pub(super) fn draw(
         .collect();
     let far: Vec<_> = uniform
         .par_iter()
-        .map(|point| (target(Source::Scan, *point, truncation), part_label(frame.registration.nearest(*point).0)))
+        .map(|point| (target(Source::Scan, *point, truncation), frame.registration.nearest(*point).0.0))
         .collect();
 
     let mut samples = PosedSamples::default();

@@ -2,30 +2,30 @@
 //!
 //! A run that was stopped and resumed at a step does what an uninterrupted one does, to the bit, with the same number of threads.
 
-use std::collections::BTreeMap;
+use std::collections::VecDeque;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use xavatar_deformer::{BakedWeights, StartGroups, VoxelSkinning};
-use xavatar_network::{Adam, NetworkUpdate, ParameterGroup, SummedGradient};
+use xavatar_network::{AdamSettings, ParameterGroup};
 
+use super::canonical_body::CanonicalBody;
 use super::captured::TrainingFrames;
-use super::checkpoint::{Progress, State, checkpoints};
+use super::checkpoint::{self, Progress, State};
+use super::drawn::generator;
+use super::engine::{CpuEngine, Engine, EngineInput, Learned, Outcome};
+use super::epochs::Epochs;
 use super::frame_store::FrameStore;
-use super::losses::{LossEvaluator, LossTerms};
 use super::metrics_log::MetricsLog;
-use super::pretraining::CanonicalBody;
-use super::step::{Drawn, add_time};
 use super::{Event, Observer, Stage, StepRecord, preview};
 use crate::avatar::{Avatar, Subject};
 use crate::body::{BodyModel, PartLabels};
-use crate::canonical_grid::CanonicalGrid;
-use crate::config::{Config, SkinningSettings};
-use crate::correspondence::{bake, start_groups, union_start_groups};
-use crate::fields::{Fields, Skinning};
+use crate::config::{Config, LossSettings};
+use crate::fields::{FieldRates, Fields, Poser};
+use crate::formats::{Choice, Remedy};
 use crate::render::write_png;
 use crate::{Error, InputError, Result};
 use xavatar_formats::write_atomically;
@@ -49,24 +49,16 @@ pub enum Ending {
 
 /// A training run.
 pub struct Trainer<'a> {
-    pub(super) config: &'a Config,
+    config: &'a Config,
     body: &'a BodyModel,
     labels: &'a PartLabels,
     run: PathBuf,
-    pub(super) subject: Subject,
-    pub(super) canonical: CanonicalBody<'a>,
-    pub(super) frames: FrameStore<'a>,
-    pub(super) groups: StartGroups,
-    /// What the next frame is trained on, drawn while the one before was.
-    pub(super) drawn: Option<Drawn<'a>>,
-    /// The grid that the search runs on; sampled every few steps.
-    pub(super) baked: Option<BakedWeights<f32>>,
-    /// Where skinning is learned on a grid: that grid.
-    pub(super) grid: Option<CanonicalGrid>,
-    /// The gradient of its logits (P); empty without one.
-    pub(super) voxel_gradient: Vec<f32>,
-    pub(super) state: State,
-    pub(super) losses: LossEvaluator<f32>,
+    subject: Subject,
+    epochs: Epochs<'a>,
+    engine: Box<dyn Engine>,
+    progress: Progress,
+    /// Steps whose outcome the engine has not told yet, the oldest first.
+    pending: VecDeque<StepRecord>,
     metrics: MetricsLog,
     started: Instant,
     /// Seconds that earlier commands spent on this run.
@@ -90,10 +82,11 @@ impl<'a> Trainer<'a> {
         frames.check(config)?;
         fs::create_dir_all(run).map_err(InputError::io(run))?;
         if fs::read_dir(run).map_err(InputError::io(run))?.next().is_some() {
-            return Err(Error::from(InputError::Value {
-                name: format!("the run folder {}", run.display()),
-                found: "not empty".into(),
-                expected: "a new or empty folder; continue a run with --resume".into(),
+            return Err(Error::from(InputError::Mismatch {
+                path: run.into(),
+                found: "a folder that is not empty".into(),
+                expected: "a new or empty one".into(),
+                remedy: Remedy::choosing(Choice::ContinueRun, "name a new folder, or continue the run that is there"),
             }));
         }
         let text = config.to_toml()?;
@@ -110,16 +103,16 @@ impl<'a> Trainer<'a> {
             return Err(Error::from(InputError::Missing {
                 path: run.into(),
                 what: format!("a run to resume ({CONFIG})"),
-                remedy: "start one without --resume".into(),
+                remedy: Remedy::choosing(Choice::StartRun, "start one"),
             }));
         }
         Config::read(&run.join(CONFIG))
     }
 
-    /// Continues a run from its newest checkpoint; from the start if it had none yet.
+    /// Continues a run from its newest checkpoint that is not damaged; from the start if it had none yet.
     ///
     /// # Errors
-    /// If a checkpoint cannot be read; delete it to continue from the one before.
+    /// If a checkpoint cannot be read, or is of another configuration.
     pub fn resume(
         config: &'a Config,
         frames: TrainingFrames,
@@ -141,69 +134,34 @@ impl<'a> Trainer<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Self> {
         let started = Instant::now();
-        let mut canonical = CanonicalBody::new(body, labels, &frames.betas(), config)?;
-        let groups = match config.fields.skinning {
-            SkinningSettings::Network(_) => start_groups(config.starts)?,
-            // Pruned starts cost little: a point beside a hand finds the hand's root, and the body's.
-            SkinningSettings::Voxels(_) => union_start_groups(config.starts)?,
-        };
-        let (skinning, grid) = match &config.fields.skinning {
-            SkinningSettings::Network(shape) => (Skinning::network(shape)?, None),
-            SkinningSettings::Voxels(shape) => {
-                let grid = CanonicalGrid::new(body, labels, &frames.betas(), *shape)?;
-                let mut voxels = grid.skinning(body)?;
-                grid.prune_starts(&mut voxels, &groups)?;
-                (Skinning::Voxels(voxels), Some(grid))
-            }
-        };
-        let mut fields = Fields::new(&config.fields, skinning, canonical.bounds())?;
-        fields.initialise(config.seed);
-        let voxel_gradient = fields.skinning.voxels().map_or(Vec::new(), VoxelSkinning::zero_gradient);
-        let mut adam: Vec<_> = fields.networks().iter().map(|network| Adam::new(network.parameters().len())).collect();
-        if !voxel_gradient.is_empty() {
-            adam.push(Adam::new(voxel_gradient.len()));
-        }
-        let progress = Progress { running_loss: f64::INFINITY, best_loss: f64::INFINITY, ..Progress::default() };
-        let mut state = State { fields, adam, progress, baked_skinning: None };
-        if let Some(newest) = checkpoints(run)?.first() {
-            state.load(newest)?;
-        }
-        // The grid that an uninterrupted run would be searching on.
+        let mut canonical = CanonicalBody::new(body, labels, frames.betas(), config)?;
         let bounds = canonical.bounds();
-        let mut baked = None;
-        if let Some(parameters) = &state.baked_skinning {
-            let mut skinning = state.fields.skinning.clone();
-            if let Skinning::Network(field) = &mut skinning {
-                field.mlp_mut().update(|target| target.copy_from_slice(parameters));
-            }
-            baked = bake(&skinning, config.searched_field, bounds)?;
-        }
+        let poser = Poser::for_training(config, body, labels, frames.betas(), bounds)?;
+        let mut fields = Fields::new(&config.fields, canonical.condition(), poser.initial_skinning(body)?, bounds)?;
+        fields.initialise(config.seed);
+        let progress = Progress { running_loss: f64::INFINITY, best_loss: f64::INFINITY, ..Progress::default() };
+        let mut state = State { learned: Learned::new(fields), progress };
+        state.load_newest(run)?;
+        let State { learned, progress } = state;
+        let follows_weights = learned.fields.skinning.follows_weights();
+        let distances = canonical.distances().clone();
+        let engine = CpuEngine::new(EngineInput { config: config.clone(), poser, distances, learned })?;
         let store = FrameStore::open(config, frames, body, labels, run, observer)?;
         canonical.stand_in(store.seen_vertices());
-        let subject = Subject {
-            gender: frames.gender(),
-            betas: frames.betas(),
-            joints: canonical.joints().to_vec(),
-            bounds,
-            frames: store.len(),
-        };
+        let subject = Subject::of(body, frames.gender(), frames.betas(), bounds, store.len())?;
+        let epochs = Epochs { config, frames: store, canonical: Arc::new(canonical), follows_weights, ahead: None };
         Ok(Self {
-            losses: LossEvaluator::new(&state.fields, rayon::current_num_threads()),
-            metrics: MetricsLog::open(run, (state.progress.pretraining_steps + state.progress.steps) as usize)?,
-            earlier_seconds: state.progress.seconds,
-            groups,
-            grid,
-            voxel_gradient,
-            baked,
-            drawn: None,
-            frames: store,
+            metrics: MetricsLog::open(run, (progress.pretraining_steps + progress.steps) as usize)?,
+            earlier_seconds: progress.seconds,
+            engine: Box::new(engine),
+            epochs,
+            progress,
+            pending: VecDeque::new(),
             run: run.into(),
             config,
             body,
             labels,
             subject,
-            canonical,
-            state,
             started,
         })
     }
@@ -222,10 +180,10 @@ impl<'a> Trainer<'a> {
             if stage == Stage::Frames && self.share_done() >= 1.0 {
                 break;
             }
-            let record = self.step(stage)?;
-            self.metrics.write(&record)?;
-            observer.event(Event::Step { progress: self.share_done(), record: &record });
-            let Progress { pretraining_steps, steps, .. } = self.state.progress;
+            if let Some(outcome) = self.step(stage)? {
+                self.complete(outcome, observer)?;
+            }
+            let Progress { pretraining_steps, steps, .. } = self.progress;
             if (pretraining_steps + steps).is_multiple_of(self.config.schedule.checkpoint_steps) {
                 self.checkpoint(observer)?;
             }
@@ -235,18 +193,21 @@ impl<'a> Trainer<'a> {
             }
         }
         self.checkpoint(observer)?;
-        self.avatar().save(&self.run.join(Avatar::FILE))?;
+        self.avatar()?.save(&self.run.join(Avatar::FILE))?;
         Ok(Ending::Finished)
     }
 
     /// The avatar as it is now.
-    pub fn avatar(&self) -> Avatar {
-        Avatar {
-            fields: self.state.fields.clone(),
+    ///
+    /// # Errors
+    /// If the engine cannot give the fields back.
+    pub fn avatar(&mut self) -> Result<Avatar> {
+        Ok(Avatar {
+            fields: self.engine.learned()?.fields.clone(),
             config: self.config.clone(),
             subject: self.subject.clone(),
-            steps: self.state.progress.steps,
-        }
+            steps: self.progress.steps,
+        })
     }
 
     fn seconds(&self) -> f64 {
@@ -259,7 +220,7 @@ impl<'a> Trainer<'a> {
     }
 
     fn stage(&mut self) -> Stage {
-        let Progress { pretraining_steps, steps, .. } = self.state.progress;
+        let Progress { pretraining_steps, steps, .. } = self.progress;
         let late = self.limit().is_some_and(|limit| self.seconds() > PRETRAINING_SHARE * limit);
         // Once on the frames, a resumed run does not go back.
         if steps > 0 || late || pretraining_steps >= self.config.schedule.pretraining_steps {
@@ -273,130 +234,131 @@ impl<'a> Trainer<'a> {
     fn share_done(&self) -> f64 {
         match self.limit() {
             Some(limit) => (self.seconds() / limit).max(self.share_of_epochs()),
-            None => self.state.progress.steps as f64 / self.config.schedule.steps.max(1) as f64,
+            None => self.progress.steps as f64 / self.config.schedule.steps.max(1) as f64,
         }
     }
 
     /// Share that is done of the passes over the frames that end a run early; 0 where there is no such bound.
     fn share_of_epochs(&self) -> f64 {
-        let most_frames = self.config.schedule.most_epochs * self.frames.len() as u64;
-        let done = self.state.progress.steps * self.config.optimiser.batch_frames as u64;
+        let most_frames = self.config.schedule.most_epochs * self.epochs.frames.len() as u64;
+        let done = self.progress.steps * self.config.optimiser.batch_frames as u64;
         if most_frames > 0 { done as f64 / most_frames as f64 } else { 0.0 }
     }
 
-    fn step(&mut self, stage: Stage) -> Result<StepRecord> {
+    /// Makes one step; its outcome, or that of the one before.
+    fn step(&mut self, stage: Stage) -> Result<Option<Outcome>> {
         let begin = Instant::now();
-        let settings = &self.config.optimiser;
         let step = match stage {
-            Stage::Pretraining => self.state.progress.pretraining_steps,
-            Stage::Frames => self.state.progress.steps,
+            Stage::Pretraining => self.progress.pretraining_steps,
+            Stage::Frames => self.progress.steps,
         };
         let decay = match stage {
             Stage::Pretraining => 1.0,
-            Stage::Frames => settings.final_share.powf(self.share_done().min(1.0)),
+            Stage::Frames => self.config.optimiser.final_share.powf(self.share_done().min(1.0)),
         };
-        let mut record = StepRecord {
-            stage,
-            step: step + 1,
-            steps: match (stage, self.limit()) {
-                (Stage::Pretraining, _) => Some(self.config.schedule.pretraining_steps),
-                (Stage::Frames, None) => Some(self.config.schedule.steps),
-                (Stage::Frames, Some(_)) => None,
-            },
-            frames: Vec::new(),
-            seconds: 0.0,
-            split: BTreeMap::new(),
-            points: 0,
-            learning_rate: decay * settings.learning_rate,
-            gradient_norm: 0.0,
-            losses: LossTerms::new(),
-            converged: 0.0,
-            points_without_root: 0,
-            inside_without_root: 0,
+        let steps = match (stage, self.limit()) {
+            (Stage::Pretraining, _) => Some(self.config.schedule.pretraining_steps),
+            (Stage::Frames, None) => Some(self.config.schedule.steps),
+            (Stage::Frames, Some(_)) => None,
         };
+        let mut record = StepRecord::of(stage, step + 1, steps, decay * self.config.optimiser.learning_rate);
         match stage {
             Stage::Pretraining => self.pretraining_step(step, &mut record)?,
             Stage::Frames => self.frames_step(step, &mut record)?,
         }
-        let updating = Instant::now();
-        self.update(decay, &mut record)?;
-        add_time(&mut record, "optimiser", updating);
-        let progress = &mut self.state.progress;
+        let outcome = self.engine.update(&self.rates(decay))?;
         match stage {
-            Stage::Pretraining => progress.pretraining_steps += 1,
-            Stage::Frames => {
-                progress.steps += 1;
-                let total = record.losses["total"];
-                progress.running_loss = match progress.running_loss {
-                    mean if mean.is_finite() => LOSS_MEMORY * mean + (1.0 - LOSS_MEMORY) * total,
-                    _ => total,
-                };
-            }
+            Stage::Pretraining => self.progress.pretraining_steps += 1,
+            Stage::Frames => self.progress.steps += 1,
         }
         record.seconds = begin.elapsed().as_secs_f64();
-        Ok(record)
+        self.pending.push_back(record);
+        Ok(outcome)
     }
 
-    /// Clips the gradients and moves the parameters, at `decay` times the first step's learning rates.
-    fn update(&mut self, decay: f64, record: &mut StepRecord) -> Result<()> {
-        let settings = &self.config.optimiser;
-        let State { fields, adam, .. } = &mut self.state;
-        let voxel_gradient = &mut self.voxel_gradient;
-        if let Some(voxels) = fields.skinning.voxels() {
-            let pull = voxels.pull_to_initial(self.config.losses.volume as f32, voxel_gradient)?;
-            record.losses.insert("volume", f64::from(pull));
-        }
-        let gradients = self.losses.sum_gradients(fields);
-        let of_voxels = voxel_gradient.iter().map(|g| f64::from(*g) * f64::from(*g)).sum::<f64>();
-        let squares = gradients.iter().map(SummedGradient::squared_norm).sum::<f64>() + of_voxels;
-        record.gradient_norm = squares.sqrt();
-        let not_finite = |what: &str| Error::NonFinite {
-            what: what.into(),
-            step: record.step,
-            frame: if record.frames.is_empty() { "stage 0".into() } else { record.frames.join(", ") },
-        };
-        if let Some((name, _)) = record.losses.iter().find(|(_, value)| !value.is_finite()) {
-            return Err(not_finite(&format!("the loss `{name}`")));
-        }
-        if !record.gradient_norm.is_finite() {
-            return Err(not_finite("the gradient"));
-        }
-        let factor = (settings.clip / record.gradient_norm).min(1.0);
-        let group = |rate: f64| ParameterGroup { settings: settings.adam, rate: decay * rate };
-        let of_grids = [settings.grid_learning_rate, settings.colour_grid_learning_rate, 0.0];
-        let networks = fields.networks_mut().into_iter().zip(of_grids);
-        for (((network, rate), adam), gradient) in networks.zip(adam.iter_mut()).zip(gradients) {
-            let grid = ParameterGroup { settings: settings.grid_adam, rate: decay * rate };
-            let update = NetworkUpdate { network: group(settings.learning_rate), grid, factor };
-            adam.step_network(&update, gradient, network);
-        }
-        if let (Some(voxels), Some(adam)) = (fields.skinning.voxels_mut(), adam.last_mut()) {
-            let rate = decay * settings.voxel_learning_rate;
-            voxels.update(|logits| adam.step(settings.adam, rate, factor, voxel_gradient, logits));
-            voxel_gradient.fill(0.0);
+    fn pretraining_step(&mut self, step: u64, record: &mut StepRecord) -> Result<()> {
+        let mut random = generator(self.config.seed, Stage::Pretraining, step, 0);
+        let batch = self.epochs.canonical.batch(self.config, &mut random);
+        record.points = batch.on_points.len() + batch.off_points.len();
+        let losses = LossSettings { colour: 0.0, ..self.config.losses.clone() };
+        self.engine.pretrain(batch, &losses)
+    }
+
+    fn frames_step(&mut self, step: u64, record: &mut StepRecord) -> Result<()> {
+        let count = self.config.optimiser.batch_frames as u64;
+        let Self { engine, epochs, config, .. } = self;
+        engine.begin(step)?;
+        for slot in 0..count {
+            let (drawn, next) = epochs.take(step * count + slot)?;
+            record.add_frame(&drawn);
+            let mut losses = config.losses.clone();
+            if drawn.epoch < losses.colour_from_epoch {
+                losses.colour = 0.0;
+            }
+            // While this frame is trained on, the next is drawn.
+            let (trained, ahead) = rayon::join(|| engine.frame(drawn, &losses, 1.0 / count as f64), || next.draw());
+            trained?;
+            epochs.ahead = Some(ahead);
         }
         Ok(())
     }
 
+    /// The learning rates at `decay` times the first step's.
+    fn rates(&self, decay: f64) -> FieldRates {
+        let settings = &self.config.optimiser;
+        let group = |settings: AdamSettings, rate: f64| ParameterGroup { settings, rate: decay * rate };
+        FieldRates {
+            networks: group(settings.adam, settings.learning_rate),
+            geometry_grid: group(settings.grid_adam, settings.grid_learning_rate),
+            texture_grid: group(settings.grid_adam, settings.colour_grid_learning_rate),
+            logits: group(settings.adam, settings.voxel_learning_rate),
+        }
+    }
+
+    /// Notes the outcome of the oldest step that has none.
+    fn complete(&mut self, outcome: Outcome, observer: &mut dyn Observer) -> Result<()> {
+        let Some(mut record) = self.pending.pop_front() else { return Ok(()) };
+        if let Some(what) = outcome.not_finite() {
+            let frame = if record.frames.is_empty() { "stage 0".into() } else { record.frames.join(", ") };
+            return Err(Error::NonFinite { what, step: record.step, frame });
+        }
+        record.take(outcome);
+        if record.stage == Stage::Frames {
+            let total = record.losses.get("total").copied().unwrap_or_default();
+            self.progress.running_loss = match self.progress.running_loss {
+                mean if mean.is_finite() => LOSS_MEMORY * mean + (1.0 - LOSS_MEMORY) * total,
+                _ => total,
+            };
+        }
+        self.metrics.write(&record)?;
+        observer.event(Event::Step { progress: self.share_done(), record: &record });
+        Ok(())
+    }
+
     fn checkpoint(&mut self, observer: &mut dyn Observer) -> Result<()> {
-        self.state.progress.seconds = self.seconds();
-        let path = self.state.save(&self.run, self.config.schedule.checkpoints_kept)?;
+        if let Some(outcome) = self.engine.settle()? {
+            self.complete(outcome, observer)?;
+        }
+        self.progress.seconds = self.seconds();
+        // Before the checkpoint they belong to: a run that resumes from it finds all of its steps noted, whenever the power fails.
         self.metrics.sync()?;
+        let learned = self.engine.learned()?;
+        let path = checkpoint::save(learned, &mut self.progress, &self.run, self.config.schedule.checkpoints_kept)?;
         observer.event(Event::Checkpoint { path: &path });
         Ok(())
     }
 
     /// The first frame beside the avatar in the same pose.
-    fn preview(&self, observer: &mut dyn Observer) -> Result<()> {
-        let frame = self.frames.read(0)?;
-        let extracted =
-            match self.avatar().extract_posed(self.body, self.labels, frame.parameters(), PREVIEW_RESOLUTION) {
-                Err(Error::NoSurface { .. }) => return Ok(()),
-                extracted => extracted?,
-            };
+    fn preview(&mut self, observer: &mut dyn Observer) -> Result<()> {
+        let frame = self.epochs.frames.read(0)?;
+        let pose = self.body.resolve(frame.parameters())?;
+        let extracted = match self.avatar()?.extract_posed(self.body, self.labels, &pose, PREVIEW_RESOLUTION) {
+            Err(Error::NoSurface { .. }) => return Ok(()),
+            extracted => extracted?,
+        };
         let folder = self.run.join(PREVIEWS);
         fs::create_dir_all(&folder).map_err(InputError::io(&folder))?;
-        let path = folder.join(format!("step-{:08}.png", self.state.progress.steps));
+        let path = folder.join(format!("step-{:08}.png", self.progress.steps));
         write_png(&path, &preview::sheet(&frame, &extracted.mesh)?)?;
         observer.event(Event::Preview { path: &path });
         Ok(())

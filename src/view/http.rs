@@ -123,7 +123,7 @@ impl Request {
     ///
     /// # Errors
     /// The answer to what is no request, or too large a one.
-    pub(super) fn parse(bytes: &[u8]) -> Result<Option<Self>, Response> {
+    pub fn parse(bytes: &[u8]) -> Result<Option<Self>, Response> {
         Self::parsed(bytes).map_err(|(status, text)| Response::text(status, text))
     }
 

@@ -16,5 +16,6 @@ mod waiting;
 
 pub use http::{Request, Response, Status};
 pub use mesh_message::decode_mesh;
+pub use pose_request::PoseRequest;
 pub use server::{Answer, Server, Stop};
 pub use site::{LARGEST_RESOLUTION, Site};

@@ -23,8 +23,9 @@ impl Names {
     pub(super) fn check(&self, request: &Request) -> Result<(), Response> {
         let host = request.field("host").unwrap_or_default().to_ascii_lowercase();
         if !self.is_ours(&host) {
-            let text =
-                format!("this server does not answer to the name {host:?}; use localhost, its address, or --host");
+            let text = format!(
+                "this server does not answer to the name {host:?}; use localhost, its address, or the name that it was started under"
+            );
             return Err(Response::text(Status::MisdirectedRequest, text));
         }
         match request.field("origin") {

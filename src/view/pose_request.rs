@@ -1,10 +1,14 @@
-//! What a browser asks for: `{"parameters": {…}, "resolution": 128}`, rotations as axis times angle, hands absolute.
+//! What a browser asks for: `{"pose": {"rotations": {"jaw": [0.3, 0, 0]}}, "resolution": 128}`, rotations by the joints' names, as
+//! axis times angle.
+
+use std::collections::BTreeMap;
 
 use glam::Vec3;
 use serde::Deserialize;
 
 use super::site::LARGEST_RESOLUTION;
-use crate::body::{BodyParameters, HandPose, PoseAxisAngle};
+use crate::avatar::Subject;
+use crate::body::{Pose, PoseAxisAngle};
 use crate::{Error, InputError, Result};
 
 /// Least cells along the longest side.
@@ -19,33 +23,27 @@ const FARTHEST: f32 = 1000.0;
 /// A pose, and how finely its surface is wanted.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
-pub(super) struct PoseRequest {
-    parameters: PoseParameters,
+pub struct PoseRequest {
+    pose: NamedPose,
     /// Cells along the longest side of the box around the body.
     pub(super) resolution: usize,
 }
 
-/// SMPL-X parameters; those that are absent are zero. The shape is the avatar's own.
+/// A pose of any skeleton; what is absent is zero. The shape is the avatar's own.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields, default)]
-struct PoseParameters {
-    global_orient: [f32; 3],
-    body_pose: [[f32; 3]; 21],
-    jaw_pose: [f32; 3],
-    left_eye_pose: [f32; 3],
-    right_eye_pose: [f32; 3],
-    left_hand_pose: [[f32; 3]; 15],
-    right_hand_pose: [[f32; 3]; 15],
-    expression: [f32; 10],
-    transl: [f32; 3],
+struct NamedPose {
+    rotations: BTreeMap<String, [f32; 3]>,
+    expression: Vec<f32>,
+    translation: [f32; 3],
 }
 
 impl PoseRequest {
     /// Reads a request's body.
     ///
     /// # Errors
-    /// [`Error::Value`] naming what is wrong.
-    pub(super) fn parse(body: &[u8]) -> Result<Self> {
+    /// [`InputError::Value`] naming what is wrong.
+    pub fn parse(body: &[u8]) -> Result<Self> {
         let request: Self = serde_json::from_slice(body).map_err(|error| {
             Error::from(InputError::Value {
                 name: "the request's body".into(),
@@ -57,33 +55,35 @@ impl PoseRequest {
         Ok(request)
     }
 
-    /// The body's parameters.
-    pub(super) fn body_parameters(&self) -> BodyParameters {
-        let turn = |vector: [f32; 3]| PoseAxisAngle(Vec3::from(vector));
-        let parameters = &self.parameters;
-        BodyParameters {
-            betas: [0.0; 10],
-            expression: parameters.expression,
-            global_orient: turn(parameters.global_orient),
-            body_pose: parameters.body_pose.map(turn),
-            jaw_pose: turn(parameters.jaw_pose),
-            left_eye_pose: turn(parameters.left_eye_pose),
-            right_eye_pose: turn(parameters.right_eye_pose),
-            left_hand_pose: HandPose::Flat(parameters.left_hand_pose.map(turn)),
-            right_hand_pose: HandPose::Flat(parameters.right_hand_pose.map(turn)),
-            transl: parameters.transl.into(),
+    /// The pose of a subject's body.
+    ///
+    /// # Errors
+    /// [`InputError::Value`] naming a joint that the body does not have, or that there are too many coefficients.
+    pub(super) fn pose(&self, subject: &Subject) -> Result<Pose> {
+        let NamedPose { rotations, expression, translation } = &self.pose;
+        let mut pose = subject.skeleton.rest_pose();
+        for (name, turn) in rotations {
+            let joint = subject.skeleton.joint(name).ok_or_else(|| InputError::Value {
+                name: "a joint of the pose".into(),
+                found: name.clone(),
+                expected: format!("one of {}", subject.skeleton.joints.join(", ")),
+            })?;
+            pose.rotations[joint] = PoseAxisAngle(Vec3::from(*turn));
         }
+        if expression.len() > subject.expressions {
+            return Err(Error::from(InputError::Value {
+                name: "number of expression coefficients".into(),
+                found: expression.len().to_string(),
+                expected: format!("at most {}", subject.expressions),
+            }));
+        }
+        Ok(Pose { expression: expression.clone(), translation: (*translation).into(), ..pose })
     }
 
     fn check(&self) -> Result<()> {
-        let parameters = &self.parameters;
-        let single =
-            [parameters.global_orient, parameters.jaw_pose, parameters.left_eye_pose, parameters.right_eye_pose];
-        let hands = parameters.left_hand_pose.iter().chain(&parameters.right_hand_pose);
-        let rotations = single.iter().chain(&parameters.body_pose).chain(hands).flatten();
-        within("a rotation", rotations, LARGEST_ANGLE)?;
-        within("an expression coefficient", parameters.expression.iter(), LARGEST_EXPRESSION)?;
-        within("the translation", parameters.transl.iter(), FARTHEST)?;
+        within("a rotation", self.pose.rotations.values().flatten(), LARGEST_ANGLE)?;
+        within("an expression coefficient", self.pose.expression.iter(), LARGEST_EXPRESSION)?;
+        within("the translation", self.pose.translation.iter(), FARTHEST)?;
         if !(SMALLEST_RESOLUTION..=LARGEST_RESOLUTION).contains(&self.resolution) {
             return Err(Error::from(InputError::Value {
                 name: "resolution".into(),
@@ -109,33 +109,48 @@ fn within<'a>(name: &str, mut values: impl Iterator<Item = &'a f32>, limit: f32)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::{Gender, smplx};
+
+    fn subject() -> Subject {
+        let skeleton = smplx::skeleton().clone();
+        Subject {
+            gender: Gender::Neutral,
+            betas: Vec::new(),
+            expressions: 2,
+            joints: vec![Vec3::ZERO; skeleton.joints.len()],
+            skeleton,
+            bounds: (Vec3::NEG_ONE, Vec3::ONE),
+            frames: 0,
+        }
+    }
 
     #[test]
-    fn absent_parameters_are_zero_and_present_ones_arrive() {
-        let request =
-            PoseRequest::parse(br#"{"parameters": {"jaw_pose": [0.2, 0, 0], "transl": [0, 1, 0]}, "resolution": 64}"#);
-        let request = request.unwrap();
-        let expected =
-            BodyParameters { jaw_pose: PoseAxisAngle(Vec3::X * 0.2), transl: Vec3::Y, ..BodyParameters::default() };
-        assert_eq!(request.body_parameters(), expected);
+    fn absent_numbers_are_zero_and_present_ones_arrive() {
+        let request = br#"{"pose": {"rotations": {"jaw": [0.2, 0, 0]}, "translation": [0, 1, 0]}, "resolution": 64}"#;
+        let request = PoseRequest::parse(request).unwrap();
+        let mut expected = Pose { translation: Vec3::Y, ..smplx::skeleton().rest_pose() };
+        expected.rotations[22] = PoseAxisAngle(Vec3::X * 0.2);
+        assert_eq!(request.pose(&subject()).unwrap(), expected);
         assert_eq!(request.resolution, 64);
     }
 
     #[test]
     fn what_cannot_be_posed_is_named() {
         for (body, word) in [
-            (r#"{"resolution": 64}"#, "parameters"),
-            (r#"{"parameters": {}, "resolution": 4096}"#, "resolution is 4096"),
-            (r#"{"parameters": {}, "resolution": -1}"#, "body"),
-            (r#"{"parameters": {"jaw": [0, 0, 0]}, "resolution": 64}"#, "jaw"),
-            (r#"{"parameters": {"jaw_pose": [0, 0]}, "resolution": 64}"#, "body"),
-            (r#"{"parameters": {"jaw_pose": [1e9, 0, 0]}, "resolution": 64}"#, "rotation"),
-            (r#"{"parameters": {"jaw_pose": [1e99, 0, 0]}, "resolution": 64}"#, "rotation is inf"),
-            (r#"{"parameters": {"expression": [0,0,0,0,0,0,0,0,0,99]}, "resolution": 64}"#, "expression"),
+            (r#"{"resolution": 64}"#, "pose"),
+            (r#"{"pose": {}, "resolution": 4096}"#, "resolution is 4096"),
+            (r#"{"pose": {}, "resolution": -1}"#, "body"),
+            (r#"{"pose": {"jaw": [0, 0, 0]}, "resolution": 64}"#, "jaw"),
+            (r#"{"pose": {"rotations": {"jaw": [0, 0]}}, "resolution": 64}"#, "body"),
+            (r#"{"pose": {"rotations": {"jaw": [1e9, 0, 0]}}, "resolution": 64}"#, "rotation"),
+            (r#"{"pose": {"rotations": {"jaw": [1e99, 0, 0]}}, "resolution": 64}"#, "rotation is inf"),
+            (r#"{"pose": {"expression": [0, 99]}, "resolution": 64}"#, "expression"),
+            (r#"{"pose": {"expression": [0, 0, 0]}, "resolution": 64}"#, "coefficients is 3, expected at most 2"),
+            (r#"{"pose": {"rotations": {"tail": [0, 0, 0]}}, "resolution": 64}"#, "is tail, expected one of pelvis, "),
             ("[", "body"),
         ] {
-            let message = PoseRequest::parse(body.as_bytes()).unwrap_err().to_string();
-            assert!(message.contains(word), "{body}: {message}");
+            let message = PoseRequest::parse(body.as_bytes()).and_then(|request| request.pose(&subject())).unwrap_err();
+            assert!(message.to_string().contains(word), "{body}: {message}");
         }
     }
 }

@@ -76,7 +76,7 @@ impl Server {
                 Error::from(InputError::Value {
                     name: "the address to serve on".into(),
                     found: format!("{host} port {port}: {error}"),
-                    expected: "an address of this machine and a free port (--host, --port)".into(),
+                    expected: "an address of this machine and a free port".into(),
                 })
             })?;
         Ok(Self { listener, address, names: Names::new(host), stopped: Arc::default() })

@@ -8,6 +8,7 @@ use super::mesh_message::encode_mesh;
 use super::pose_request::PoseRequest;
 use super::server::Answer;
 use crate::avatar::Animator;
+use crate::body::Pose;
 use crate::export::RiggedMesh;
 use crate::report::live_page;
 use crate::{Error, Result};
@@ -45,32 +46,34 @@ impl<'a> Site<'a> {
     }
 
     /// What poses the asked-for pose, or why it is not posed.
-    fn pose(&self, request: &Request) -> std::result::Result<(&'a Animator<'a>, PoseRequest), Response> {
+    fn pose(&self, request: &Request) -> std::result::Result<(&'a Animator<'a>, Pose, usize), Response> {
         let refuse = |status, text: &str| Err(Response::text(status, text));
         let Some(animator) = self.animator else {
-            return refuse(Status::NotFound, "no body model to pose with: start `xavatar view` with --body");
+            return refuse(Status::NotFound, "no body model to pose with: start the server with one");
         };
         // A foreign page cannot send this type without asking first, which is never granted.
         let content_type = request.field("content-type").unwrap_or_default();
         if !content_type.split(';').next().unwrap_or_default().trim().eq_ignore_ascii_case("application/json") {
             return refuse(Status::UnsupportedMediaType, "expected Content-Type: application/json");
         }
-        let pose = PoseRequest::parse(&request.body);
-        pose.map(|pose| (animator, pose)).map_err(|error| Response::text(Status::UnprocessableContent, error))
+        let wanted = PoseRequest::parse(&request.body);
+        let wanted = wanted.and_then(|wanted| Ok((wanted.pose(&animator.avatar().subject)?, wanted.resolution)));
+        let posable = wanted.map(|(pose, resolution)| (animator, pose, resolution));
+        posable.map_err(|error| Response::text(Status::UnprocessableContent, error))
     }
 
     fn mesh(&self, request: &Request) -> Response {
-        let (animator, pose) = match self.pose(request) {
+        let (animator, pose, resolution) = match self.pose(request) {
             Ok(posable) => posable,
             Err(refused) => return refused,
         };
         let begin = Instant::now();
-        match animator.extract(&pose.body_parameters(), pose.resolution) {
+        match animator.extract(&pose, resolution) {
             Ok(extraction) => Response {
                 status: Status::Ok,
                 content_type: "application/octet-stream",
                 fields: Vec::new(),
-                body: encode_mesh(&extraction.mesh, pose.resolution, begin.elapsed().as_secs_f32()).into(),
+                body: encode_mesh(&extraction.mesh, resolution, begin.elapsed().as_secs_f32()).into(),
             },
             Err(error @ Error::NoSurface { .. }) => Response::text(Status::UnprocessableContent, error),
             Err(error) => Response::text(Status::InternalServerError, error),

@@ -1,7 +1,7 @@
 // The avatar's data as the page carries it, and its poses.
 //
 // Joint matrices are G_j inverseBind_j with G_j = G_parent [R_j | l_j], as the program's own rigs are posed: R_j is the joint's
-// SMPL-X rotation, l_j its place in its parent's frame, the root's its place in the world. J joints, V vertices, T frames.
+// own rotation, l_j its place in its parent's frame, the root's its place in the world. J joints, V vertices, T frames.
 
 const ARRAY_TYPES = {
   f32: Float32Array, u32: Uint32Array, u16: Uint16Array, i16: Int16Array, u8: Uint8Array,
@@ -18,6 +18,7 @@ class Avatar {
     for (const name of ["positions", "normals", "colours", "joints", "weights", "faces", "jointPlaces", "inverseBinds"]) {
       this[name] = decodeArray(scene[name]);
     }
+    this.jointNames = scene.jointNames;
     this.parents = scene.parents;
     this.jointParts = scene.jointParts;
     this.jointColours = scene.jointColours;

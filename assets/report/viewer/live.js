@@ -6,19 +6,14 @@ const COARSEST = 48;
 // Cells an eighth at a time; the time of an extraction grows with about this power of the resolution.
 const COST_POWER = 2.3;
 
-// SMPL-X parameters as `xavatar view` takes them.
-function bodyParameters({ rotations, place, expression }, rootPlace) {
-  const turns = rotations.map(axisAngleOfQuaternion);
+// A pose as `xavatar view` takes it.
+function namedPose({ rotations, place, expression }, avatar) {
+  const turns = rotations.map((rotation, joint) => [avatar.jointNames[joint], axisAngleOfQuaternion(rotation)]);
+  const rootPlace = avatar.rootPlace();
   return {
-    global_orient: turns[0],
-    body_pose: turns.slice(1, 22),
-    jaw_pose: turns[22],
-    left_eye_pose: turns[23],
-    right_eye_pose: turns[24],
-    left_hand_pose: turns.slice(25, 40),
-    right_hand_pose: turns.slice(40, 55),
+    rotations: Object.fromEntries(turns),
     expression,
-    transl: place.map((value, axis) => value - rootPlace[axis]),
+    translation: place.map((value, axis) => value - rootPlace[axis]),
   };
 }
 
@@ -86,7 +81,7 @@ class Live {
       const reply = await fetch(this.endpoint, {
         method: "POST",
         headers: { "content-type": "application/json", "x-client": this.client },
-        body: JSON.stringify({ parameters: bodyParameters(this.pose, this.viewer.avatar.rootPlace()), resolution }),
+        body: JSON.stringify({ pose: namedPose(this.pose, this.viewer.avatar), resolution }),
       });
       if (!reply.ok) throw new Error((await reply.text()) || reply.statusText);
       mesh = decodeMesh(await reply.arrayBuffer());

@@ -125,7 +125,7 @@ class Viewer {
 
   makeSliders() {
     const panel = this.find("sliders");
-    const groups = HANDLES.map(({ group, handles }, index) => {
+    const groups = handlesOf(this.avatar.jointNames).map(({ group, handles }, index) => {
       const rows = handles.map((handle) => this.slider(`${group}: ${handle.label}`, handle.label, {
         low: handle.low, high: handle.high, step: 1, text: (value) => `${value}°`,
         set: (value) => this.angles.set(handle, value),

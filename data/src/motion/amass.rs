@@ -16,7 +16,7 @@ use glam::Vec3;
 use super::frames::FrameReader;
 use super::{Motion, RestPose, UpAxis};
 use crate::fields::{Fields, rotations};
-use xavatar_body::{BodyParameters, HandPose, PoseAxisAngle};
+use xavatar_body::{HandPose, PoseAxisAngle, smplx};
 use xavatar_formats::{ArrayMap, Result};
 
 const FORMAT: &str = "AMASS motion";
@@ -56,7 +56,7 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     };
     let values = fields.rows("poses", width)?;
     let mut reader = FrameReader::new(fields, "poses", width)?;
-    let mut frames: Vec<BodyParameters> = values.chunks_exact(width).map(|row| pose(model, row)).collect();
+    let mut frames: Vec<smplx::Parameters> = values.chunks_exact(width).map(|row| pose(model, row)).collect();
     for (frame, translation) in frames.iter_mut().zip(reader.rows::<3>("trans")?) {
         frame.transl = translation.into();
     }
@@ -93,11 +93,11 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     })
 }
 
-fn pose(model: Model, row: &[f32]) -> BodyParameters {
+fn pose(model: Model, row: &[f32]) -> smplx::Parameters {
     let part = |joint: usize| PoseAxisAngle(Vec3::from_slice(&row[3 * joint..]));
     let hand = |first: usize| HandPose::Flat(rotations(&row[3 * first..3 * (first + 15)]));
     let mut parameters =
-        BodyParameters { global_orient: part(0), body_pose: rotations(&row[3..66]), ..BodyParameters::default() };
+        smplx::Parameters { global_orient: part(0), body_pose: rotations(&row[3..66]), ..smplx::Parameters::default() };
     match model {
         Model::SmplX => {
             parameters.jaw_pose = part(22);

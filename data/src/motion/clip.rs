@@ -8,8 +8,8 @@ use glam::Vec3;
 use super::conventions::{Coordinates, HandConvention, Translation, UpAxis};
 use super::rest::RestPose;
 use super::timing::{resampled, smoothed};
-use super::{Motion, Wanted, detect};
-use xavatar_body::{BodyParameters, HandPose, PoseAxisAngle};
+use super::{Motion, Wanted, Warning, detect};
+use xavatar_body::{BodyModel, BodyParameters, HandPose, Pose, PoseAxisAngle, smplx};
 use xavatar_formats::{Error, Result};
 
 /// Frames a second where neither the file nor the user says.
@@ -45,13 +45,13 @@ pub struct MotionOptions {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clip {
     /// The parameters of each frame (T), at least one. Shape is the source's: an avatar has its own.
-    pub frames: Vec<BodyParameters>,
+    pub frames: Vec<smplx::Parameters>,
     /// How fast they follow each other.
     pub frames_per_second: f32,
     /// What was read, detected, declared and changed, a line each, for the user.
     pub report: Vec<String>,
     /// What may be wrong with it, a line each: loud.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
 }
 
 impl Clip {
@@ -125,6 +125,19 @@ impl Clip {
         Ok(Self { frames, frames_per_second: wanted, report, warnings })
     }
 
+    /// The pose of each frame (T) on a body; without one, where the hands can be known without.
+    ///
+    /// # Errors
+    /// [`Error::Frame`] naming the frame, if the body is of another skeleton or the hands take one to be known.
+    pub fn poses(&self, body: Option<&BodyModel>) -> Result<Vec<Pose>> {
+        let pose = |(index, frame): (usize, &smplx::Parameters)| {
+            let parameters = BodyParameters::from(frame.clone());
+            let pose = body.map_or_else(|| parameters.absolute(), |body| body.resolve(&parameters));
+            pose.map_err(|error| error.in_frame(format!("{} of the motion", index + 1)))
+        };
+        self.frames.iter().enumerate().map(pose).collect()
+    }
+
     /// How long it lasts, seconds; each frame is shown for as long as any other.
     pub fn seconds(&self) -> f32 {
         self.frames.len() as f32 / self.frames_per_second
@@ -132,7 +145,7 @@ impl Clip {
 }
 
 /// Reads a hand's numbers in another convention than its source's.
-fn declare_hands(frame: &mut BodyParameters, convention: HandConvention) -> Result<()> {
+fn declare_hands(frame: &mut smplx::Parameters, convention: HandConvention) -> Result<()> {
     for hand in [&mut frame.left_hand_pose, &mut frame.right_hand_pose] {
         let numbers: Vec<f32> = match hand {
             HandPose::Flat(joints) | HandPose::RelativeToMean(joints) => {

@@ -5,7 +5,7 @@
 use glam::{Quat, Vec3};
 
 use super::Motion;
-use xavatar_body::{BodyParameters, HandPose, PoseAxisAngle};
+use xavatar_body::{HandPose, PoseAxisAngle, smplx};
 
 /// The axis of a motion's world that points up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -137,7 +137,7 @@ pub enum Translation {
 
 impl Translation {
     /// Applies it to frames that are Y up.
-    pub(super) fn apply(self, frames: &mut [BodyParameters]) {
+    pub(super) fn apply(self, frames: &mut [smplx::Parameters]) {
         let start = frames.first().map_or(Vec3::ZERO, |frame| frame.transl * Vec3::new(1.0, 0.0, 1.0));
         for frame in frames {
             frame.transl = match self {
@@ -188,19 +188,19 @@ pub(super) fn shortest(rotation: Quat) -> Quat {
 mod tests {
     use super::*;
 
-    fn motion(up: UpAxis, frame: BodyParameters) -> Motion {
+    fn motion(up: UpAxis, frame: smplx::Parameters) -> Motion {
         Motion { frames: vec![frame], up, ..Motion::default() }
     }
 
     // Where a point of the body is: R (x - p) + p + t.
-    fn place(frame: &BodyParameters, pelvis: Vec3, point: Vec3) -> Vec3 {
+    fn place(frame: &smplx::Parameters, pelvis: Vec3, point: Vec3) -> Vec3 {
         Quat::from_scaled_axis(frame.global_orient.0) * (point - pelvis) + pelvis + frame.transl
     }
 
     #[test]
     fn turning_the_world_turns_every_point_of_the_body() {
         let pelvis = Vec3::new(0.0, -0.35, 0.02);
-        let frame = BodyParameters {
+        let frame = smplx::Parameters {
             global_orient: PoseAxisAngle(Vec3::new(1.4, -0.3, 0.7)),
             transl: Vec3::new(1.0, 2.0, 3.0),
             ..Default::default()
@@ -226,7 +226,7 @@ mod tests {
     #[test]
     fn translation_is_kept_moved_or_left_out() {
         let frames: Vec<_> = [Vec3::new(1.0, 2.0, 3.0), Vec3::new(2.0, 2.5, 4.0)]
-            .map(|transl| BodyParameters { transl, ..Default::default() })
+            .map(|transl| smplx::Parameters { transl, ..Default::default() })
             .to_vec();
         let places = |translation: Translation| {
             let mut frames = frames.clone();

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::parameters::{self, Choice};
 use super::{Motion, Wanted, amass, bvh, folder, grab, own};
 use crate::xhumans::parameters_of;
-use xavatar_body::BodyParameters;
+use xavatar_body::smplx;
 use xavatar_formats::{Array, ArrayFile, ArrayMap, Container, Error, Result, excerpt, open_file};
 
 /// Bytes that tell what a file is, with comments before them.
@@ -85,7 +85,7 @@ pub(super) fn read_file(path: &Path, wanted: &Wanted, choice: &mut Choice) -> Re
 }
 
 fn unrecognised(path: &Path, tried: Vec<String>) -> Error {
-    Error::Unrecognised { path: path.into(), what: "motion", tried, remedy: "docs/motion.md has the formats" }
+    Error::Unrecognised { path: path.into(), what: "motion", tried, remedy: "docs/motion.md has the formats".into() }
 }
 
 /// That a file holds one array without a name, which may be anything.
@@ -151,7 +151,7 @@ fn is_xhumans_frame(container: Container, arrays: &ArrayMap) -> std::result::Res
 }
 
 /// Frames of X-Humans as a motion.
-pub(super) fn xhumans_motion(source: &Path, frames: Vec<BodyParameters>) -> Motion {
+pub(super) fn xhumans_motion(source: &Path, frames: Vec<smplx::Parameters>) -> Motion {
     Motion {
         frames,
         source: format!("{} (X-Humans frames)", source.display()),

@@ -1,9 +1,9 @@
-//! Arrays with one row a frame, as [`BodyParameters`].
+//! Arrays with one row a frame, as [`smplx::Parameters`].
 
 use glam::Vec3;
 
 use crate::fields::{Fields, rotations};
-use xavatar_body::{BodyParameters, HandPose, PoseAxisAngle};
+use xavatar_body::{Fingers, HandPose, Pose, PoseAxisAngle, smplx};
 use xavatar_formats::{Array, ArrayData, Error, Result};
 
 /// Takes columns from a file, all of T rows.
@@ -29,30 +29,33 @@ impl<'a> FrameReader<'a> {
         Ok(values.map_or(vec![[0.0; WIDTH]; self.frames], |values| values.as_chunks().0.to_vec()))
     }
 
-    /// A shape vector for all frames, (S) or (1, S), or one a frame, (T, S); the first 10 coefficients of it.
-    pub(super) fn betas(&mut self, key: &str) -> Result<Vec<[f32; 10]>> {
+    /// A shape vector for all frames, (S) or (1, S), or one a frame, (T, S); the first coefficients of it, that are used.
+    pub(super) fn betas(&mut self, key: &str) -> Result<Vec<Vec<f32>>> {
         let Some(array) = self.fields.arrays.get(key) else {
             self.zeroed.push(key.to_owned());
-            return Ok(vec![[0.0; 10]; self.frames]);
+            return Ok(vec![Vec::new(); self.frames]);
         };
         let (rows, width) = match array.shape[..] {
             [width] => (1, width),
             [rows, width] => (rows, width),
             _ => (0, 0),
         };
-        if width < 10 || (rows != 1 && rows != self.frames) {
-            return Err(self.fields.malformed(key, array.description(), "10 or more shape coefficients"));
+        if width < smplx::SHAPES || (rows != 1 && rows != self.frames) {
+            return Err(self.fields.malformed(
+                key,
+                array.description(),
+                format_args!("{} or more shape coefficients", smplx::SHAPES),
+            ));
         }
         let flat = Array { shape: vec![rows, width], data: array.data.clone() };
         let arrays = [(key.to_owned(), flat)].into();
         let values = Fields { arrays: &arrays, ..self.fields }.rows(key, width)?;
-        let betas: Vec<[f32; 10]> =
-            values.chunks_exact(width).map(|row| std::array::from_fn(|coefficient| row[coefficient])).collect();
-        Ok(if rows == 1 { vec![betas[0]; self.frames] } else { betas })
+        let betas: Vec<Vec<f32>> = values.chunks_exact(width).map(|row| row[..smplx::SHAPES].to_vec()).collect();
+        Ok(if rows == 1 { vec![betas[0].clone(); self.frames] } else { betas })
     }
 
     /// Hand poses of 45 rotation components, in the convention that `pose` gives them.
-    pub(super) fn hands(&mut self, key: &str, pose: fn([PoseAxisAngle; 15]) -> HandPose) -> Result<Vec<HandPose>> {
+    pub(super) fn hands(&mut self, key: &str, pose: fn(Fingers) -> HandPose) -> Result<Vec<HandPose>> {
         Ok(self.rows::<45>(key)?.iter().map(|components| pose(rotations(components))).collect())
     }
 
@@ -72,31 +75,21 @@ impl<'a> FrameReader<'a> {
         Ok(values.chunks_exact(width).map(|row| HandPose::Pca(row.to_vec())).collect())
     }
 
-    /// The frames of one array that holds all 55 joints, 165 columns in joint order; hands relative to the flat hand.
-    pub(super) fn full_poses(&mut self, key: &str) -> Result<Vec<BodyParameters>> {
-        let pose = |row: &[f32; 165]| {
-            let joints: [PoseAxisAngle; 55] = rotations(row);
-            let part = |start: usize| joints[start];
-            BodyParameters {
-                global_orient: part(0),
-                body_pose: std::array::from_fn(|joint| part(1 + joint)),
-                jaw_pose: part(22),
-                left_eye_pose: part(23),
-                right_eye_pose: part(24),
-                left_hand_pose: HandPose::Flat(std::array::from_fn(|joint| part(25 + joint))),
-                right_hand_pose: HandPose::Flat(std::array::from_fn(|joint| part(40 + joint))),
-                ..Default::default()
-            }
-        };
-        Ok(self.rows::<165>(key)?.iter().map(pose).collect())
+    /// The frames of one array that holds all joints, three columns each in their order; hands relative to the flat hand.
+    pub(super) fn full_poses(&mut self, key: &str) -> Result<Vec<smplx::Parameters>> {
+        let width = 3 * smplx::skeleton().joints.len();
+        let values = self.columns(key, width)?.unwrap_or_else(|| vec![0.0; width * self.frames]);
+        let turns = |row: &[f32]| row.as_chunks::<3>().0.iter().map(|turn| rotation(*turn)).collect();
+        let pose = |row: &[f32]| smplx::Parameters::from(&Pose { rotations: turns(row), ..Pose::default() });
+        Ok(values.chunks_exact(width).map(pose).collect())
     }
 
     /// The frame rate under the first of `keys` that is there.
     pub(super) fn frames_per_second(&self, keys: &[&str]) -> Result<Option<f32>> {
         let Some(key) = keys.iter().find(|key| self.fields.arrays.contains_key(**key)) else { return Ok(None) };
-        match self.fields.vector::<1>(key)? {
-            [rate] if rate > 0.0 => Ok(Some(rate)),
-            [rate] => Err(self.fields.malformed(key, rate, "a positive number of frames a second")),
+        match self.fields.number(key)? {
+            rate if rate > 0.0 => Ok(Some(rate)),
+            rate => Err(self.fields.malformed(key, rate, "a positive number of frames a second")),
         }
     }
 

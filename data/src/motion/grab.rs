@@ -8,7 +8,7 @@ use std::path::Path;
 use super::frames::{FrameReader, rotation};
 use super::{Motion, UpAxis};
 use crate::fields::{Fields, rotations};
-use xavatar_body::BodyParameters;
+use xavatar_body::smplx;
 use xavatar_formats::{ArrayMap, Result};
 
 const FORMAT: &str = "GRAB motion";
@@ -39,10 +39,11 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
             frame.right_hand_pose = right;
         }
     }
-    let (translations, expressions) = (reader.rows::<3>(&key("transl"))?, reader.rows(&key("expression"))?);
+    let (translations, expressions) =
+        (reader.rows::<3>(&key("transl"))?, reader.rows::<{ smplx::EXPRESSIONS }>(&key("expression"))?);
     for ((frame, translation), expression) in frames.iter_mut().zip(translations).zip(expressions) {
         frame.transl = translation.into();
-        frame.expression = expression;
+        frame.expression = expression.to_vec();
     }
     let frames_per_second = reader.frames_per_second(&["framerate"])?;
     let mut zeroed = reader.zeroed();
@@ -51,13 +52,13 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     Ok(Motion { frames, frames_per_second, up: UpAxis::Z, up_is_certain: true, source, zeroed, ..Motion::default() })
 }
 
-fn separate_poses(reader: &mut FrameReader) -> Result<Vec<BodyParameters>> {
+fn separate_poses(reader: &mut FrameReader) -> Result<Vec<smplx::Parameters>> {
     let key = |name: &str| format!("{PARAMETERS}{name}");
     let body = reader.rows::<63>(&key("body_pose"))?;
     let global = reader.rows(&key("global_orient"))?;
     let jaw = reader.rows(&key("jaw_pose"))?;
     let (left_eye, right_eye) = (reader.rows(&key("leye_pose"))?, reader.rows(&key("reye_pose"))?);
-    let frame = |index: usize| BodyParameters {
+    let frame = |index: usize| smplx::Parameters {
         global_orient: rotation(global[index]),
         body_pose: rotations(&body[index]),
         jaw_pose: rotation(jaw[index]),

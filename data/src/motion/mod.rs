@@ -22,19 +22,20 @@ mod upright;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use xavatar_body::BodyParameters;
-use xavatar_formats::Result;
+use xavatar_body::smplx;
+use xavatar_formats::{Choice, Result};
 
 pub use clip::{Clip, MotionOptions};
 pub use conventions::{Coordinates, HandConvention, Translation, UpAxis};
 pub use own::write_motion;
+pub(crate) use parameters::{read_named, recognised as has_named};
 pub use rest::RestPose;
 
 /// A sequence of body parameters, as its source has it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
     /// The parameters of each frame (T), at least one.
-    pub frames: Vec<BodyParameters>,
+    pub frames: Vec<smplx::Parameters>,
     /// How fast the frames follow each other, if the source says.
     pub frames_per_second: Option<f32>,
     /// The axis that points up.
@@ -52,7 +53,32 @@ pub struct Motion {
     /// What else the reader has to say, a line each.
     pub notes: Vec<String>,
     /// What may be wrong, a line each.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
+}
+
+/// What may be wrong with a motion.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    /// What it is, with the figure.
+    pub message: String,
+    /// What a caller can choose where it is wrong.
+    pub choice: Option<Choice>,
+}
+
+impl Warning {
+    fn plain(message: impl Into<String>) -> Self {
+        Self { message: message.into(), choice: None }
+    }
+
+    fn choosing(choice: Choice, message: impl Into<String>) -> Self {
+        Self { message: message.into(), choice: Some(choice) }
+    }
+}
+
+impl std::fmt::Display for Warning {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(&self.message)
+    }
 }
 
 /// Reads a motion of any format (docs/motion.md): a file, or a folder of one file a frame.

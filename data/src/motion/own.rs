@@ -5,7 +5,7 @@ use std::path::Path;
 use super::frames::{FrameReader, rotation};
 use super::{Motion, UpAxis};
 use crate::fields::{Fields, components, rotations};
-use xavatar_body::{BodyParameters, HandPose, PoseAxisAngle};
+use xavatar_body::{Fingers, HandPose, PoseAxisAngle, smplx};
 use xavatar_formats::{Array, ArrayMap, Container, Error, Result, write_npz};
 
 const FORMAT: &str = "motion npz";
@@ -51,7 +51,7 @@ pub(super) fn recognised(container: Container, arrays: &ArrayMap) -> std::result
 fn is_y_up(arrays: &ArrayMap) -> std::result::Result<(), String> {
     let numbers = |key: &str| arrays.get(key).and_then(Array::to_f32);
     let Some(roots) = numbers("global_orient").filter(|_| !is_marked(arrays)) else { return Ok(()) };
-    let turned = |root: &[f32; 3]| BodyParameters { global_orient: rotation(*root), ..BodyParameters::default() };
+    let turned = |root: &[f32; 3]| smplx::Parameters { global_orient: rotation(*root), ..smplx::Parameters::default() };
     let body = Motion { frames: roots.as_chunks().0.iter().map(turned).collect(), ..Motion::default() };
     match body.standing_axis() {
         Some(UpAxis::Y) => Ok(()),
@@ -72,14 +72,14 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     let mut reader = FrameReader::new(Fields { path, format: FORMAT, arrays }, "body_pose", 63)?;
     let body = reader.rows::<63>("body_pose")?;
     let betas = reader.betas("betas")?;
-    let expression = reader.rows("expression")?;
+    let expression = reader.rows::<{ smplx::EXPRESSIONS }>("expression")?;
     let (global, transl) = (reader.rows("global_orient")?, reader.rows::<3>("transl")?);
     let jaw = reader.rows("jaw_pose")?;
     let (left_eye, right_eye) = (reader.rows("left_eye_pose")?, reader.rows("right_eye_pose")?);
     let (left_hand, right_hand) = hands(&mut reader)?;
-    let frame = |((index, left_hand_pose), right_hand_pose): ((usize, HandPose), HandPose)| BodyParameters {
-        betas: betas[index],
-        expression: expression[index],
+    let frame = |((index, left_hand_pose), right_hand_pose): ((usize, HandPose), HandPose)| smplx::Parameters {
+        betas: betas[index].clone(),
+        expression: expression[index].to_vec(),
         global_orient: rotation(global[index]),
         body_pose: rotations(&body[index]),
         jaw_pose: rotation(jaw[index]),
@@ -103,7 +103,7 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
 fn hands(reader: &mut FrameReader) -> Result<(Vec<HandPose>, Vec<HandPose>)> {
     const KEYS: [&str; 2] = ["left_hand_pose", "right_hand_pose"];
     let convention = reader.text("hand_convention")?;
-    let pose: fn([PoseAxisAngle; 15]) -> HandPose = match convention {
+    let pose: fn(Fingers) -> HandPose = match convention {
         Some("relative_to_mean") => HandPose::RelativeToMean,
         Some("pca") => return Ok((reader.pca_hands(KEYS[0])?, reader.pca_hands(KEYS[1])?)),
         Some("flat") => HandPose::Flat,
@@ -124,12 +124,12 @@ pub fn write_motion(path: impl AsRef<Path>, motion: &Motion) -> Result<()> {
         return Err(Error::Value { name: "motion".into(), found: "no frames".into(), expected: "at least one".into() });
     };
     let rows = |values: Vec<f32>| Array::from_f32(&[frames.len(), values.len() / frames.len()], values);
-    let column = |value: fn(&BodyParameters) -> &[f32]| rows(frames.iter().flat_map(value).copied().collect());
-    let rotations = |value: fn(&BodyParameters) -> &[PoseAxisAngle]| {
+    let column = |value: fn(&smplx::Parameters) -> &[f32]| rows(frames.iter().flat_map(value).copied().collect());
+    let rotations = |value: fn(&smplx::Parameters) -> &[PoseAxisAngle]| {
         rows(frames.iter().flat_map(|frame| components(value(frame))).collect())
     };
     let hand_convention = convention(&first.left_hand_pose);
-    let hands = |value: fn(&BodyParameters) -> &HandPose| {
+    let hands = |value: fn(&smplx::Parameters) -> &HandPose| {
         let hands: Option<Vec<Vec<f32>>> = frames.iter().map(|frame| hand(value(frame), hand_convention)).collect();
         let hands = hands.filter(|hands| hands.iter().all(|hand| hand.len() == hands[0].len()));
         let hands = hands.ok_or_else(|| Error::Value {

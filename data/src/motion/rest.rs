@@ -7,29 +7,30 @@ use std::f32::consts::FRAC_PI_6;
 
 use glam::{Quat, Vec3};
 
-use xavatar_body::{JOINTS, PARENTS};
+use xavatar_body::smplx;
 use xavatar_formats::{Error, Result};
 
 /// Joints in the T-pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RestPose {
-    joints: [Vec3; JOINTS],
+    joints: Vec<Vec3>,
 }
 
 impl RestPose {
     /// Of an avatar's or a body's joints in the canonical pose, which is the T-pose but for hips turned +-pi/6 about z.
     ///
     /// # Errors
-    /// [`Error::Value`] if there are not 55 joints.
+    /// [`Error::Value`] if they are not SMPL-X's in number.
     pub fn of_canonical(joints: &[Vec3]) -> Result<Self> {
-        let mut joints: [Vec3; JOINTS] = joints.try_into().map_err(|_| Error::Value {
-            name: "canonical joints".into(),
-            found: joints.len().to_string(),
-            expected: JOINTS.to_string(),
-        })?;
+        let count = smplx::skeleton().joints.len();
+        let mut joints = joints.to_vec();
+        if joints.len() != count {
+            let (found, expected) = (joints.len().to_string(), count.to_string());
+            return Err(Error::Value { name: "canonical joints".into(), found, expected });
+        }
         for (hip, angle) in [(1, FRAC_PI_6), (2, -FRAC_PI_6)] {
             let (undo, pivot) = (Quat::from_rotation_z(-angle), joints[hip]);
-            for joint in (hip + 1..JOINTS).filter(|joint| is_below(*joint, hip)) {
+            for joint in (hip + 1..count).filter(|joint| is_below(*joint, hip)) {
                 joints[joint] = pivot + undo * (joints[joint] - pivot);
             }
         }
@@ -42,7 +43,7 @@ impl RestPose {
     }
 
     /// The joints (J).
-    pub fn joints(&self) -> &[Vec3; JOINTS] {
+    pub fn joints(&self) -> &[Vec3] {
         &self.joints
     }
 }
@@ -51,7 +52,7 @@ impl Default for RestPose {
     fn default() -> Self {
         let mirrored = |[x, y, z]: [f32; 3]| Vec3::new(-x, y, z);
         let middle = [(0, PELVIS), (3, SPINE[0]), (6, SPINE[1]), (9, SPINE[2]), (12, NECK), (15, HEAD), (22, JAW)];
-        let mut joints = [Vec3::ZERO; JOINTS];
+        let mut joints = vec![Vec3::ZERO; smplx::skeleton().joints.len()];
         for (joint, place) in middle {
             joints[joint] = place.into();
         }
@@ -69,11 +70,8 @@ fn right_of(left: usize) -> usize {
 }
 
 fn is_below(joint: usize, ancestor: usize) -> bool {
-    let mut joint = joint;
-    while joint > ancestor {
-        joint = PARENTS[joint];
-    }
-    joint == ancestor
+    let parents = &smplx::skeleton().parents;
+    std::iter::successors(Some(joint), |joint| parents[*joint]).any(|above| above == ancestor)
 }
 
 const PELVIS: [f32; 3] = [0.0, -0.35, 0.0];
@@ -112,14 +110,14 @@ const LEFT: [(usize, [f32; 3]); 24] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use xavatar_body::JOINT_NAMES;
 
     #[test]
     fn right_joints_are_the_mirror_image_of_left_ones() {
         let rest = RestPose::default();
-        for (joint, name) in JOINT_NAMES.iter().enumerate() {
+        let names = &smplx::skeleton().joints;
+        for (joint, name) in names.iter().enumerate() {
             if let Some(left) = name.strip_prefix("right_") {
-                let twin = JOINT_NAMES.iter().position(|other| other.strip_prefix("left_") == Some(left)).unwrap();
+                let twin = names.iter().position(|other| other.strip_prefix("left_") == Some(left)).unwrap();
                 assert_eq!(rest.joints[joint], rest.joints[twin] * Vec3::new(-1.0, 1.0, 1.0), "{name}");
             }
             assert!(joint == 0 || rest.joints[joint] != Vec3::ZERO, "{name}");

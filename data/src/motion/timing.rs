@@ -6,7 +6,7 @@
 use glam::{DQuat, Vec3};
 
 use super::conventions::HandConvention;
-use xavatar_body::{BodyParameters, HandPose, PoseAxisAngle};
+use xavatar_body::{HandPose, PoseAxisAngle, smplx};
 use xavatar_formats::{Error, Result};
 
 /// Frames that a resampled motion may have: an hour at 120 a second.
@@ -17,7 +17,7 @@ const REACH: f64 = 3.0;
 const ROTATIONS: usize = 25;
 
 /// The frames at `to` frames a second instead of `from`: as many as fit between the first and the last.
-pub(super) fn resampled(frames: &[BodyParameters], from: f32, to: f32) -> Result<Vec<BodyParameters>> {
+pub(super) fn resampled(frames: &[smplx::Parameters], from: f32, to: f32) -> Result<Vec<smplx::Parameters>> {
     let ratio = f64::from(from) / f64::from(to);
     let last = frames.len().saturating_sub(1);
     // The last frame counts although rounding puts it a hair outside.
@@ -42,7 +42,7 @@ pub(super) fn resampled(frames: &[BodyParameters], from: f32, to: f32) -> Result
 }
 
 /// The frames, each the mean of those around it with Gaussian weights of standard deviation `sigma` frames.
-pub(super) fn smoothed(frames: &[BodyParameters], sigma: f64) -> Vec<BodyParameters> {
+pub(super) fn smoothed(frames: &[smplx::Parameters], sigma: f64) -> Vec<smplx::Parameters> {
     let reach = (REACH * sigma).min(frames.len() as f64) as usize;
     let channels: Vec<Channels> = frames.iter().map(Channels::of).collect();
     let mean = |centre: usize| {
@@ -59,7 +59,7 @@ pub(super) fn smoothed(frames: &[BodyParameters], sigma: f64) -> Vec<BodyParamet
 }
 
 /// The pose a `share` (0..1) of the way between two.
-fn between(first: &BodyParameters, second: &BodyParameters, share: f64) -> BodyParameters {
+fn between(first: &smplx::Parameters, second: &smplx::Parameters, share: f64) -> smplx::Parameters {
     let [from, to] = [first, second].map(Channels::of);
     if from.rotations.len() != to.rotations.len() || from.numbers.len() != to.numbers.len() {
         return if share < 0.5 { first.clone() } else { second.clone() };
@@ -82,11 +82,11 @@ struct Channels {
 }
 
 impl Channels {
-    fn of(parameters: &BodyParameters) -> Self {
+    fn of(parameters: &smplx::Parameters) -> Self {
         let single = [parameters.jaw_pose, parameters.left_eye_pose, parameters.right_eye_pose];
         let mut rotations: Vec<DQuat> =
             [parameters.global_orient].into_iter().chain(parameters.body_pose).chain(single).map(quaternion).collect();
-        let numbers = parameters.expression.into_iter().chain(parameters.transl.to_array());
+        let numbers = parameters.expression.iter().copied().chain(parameters.transl.to_array());
         let mut numbers: Vec<f64> = numbers.map(f64::from).collect();
         for hand in [&parameters.left_hand_pose, &parameters.right_hand_pose] {
             match hand {
@@ -118,12 +118,12 @@ impl Channels {
     }
 
     /// The parameters, with the shape and the hand conventions of `like`.
-    fn into_parameters(self, like: &BodyParameters) -> BodyParameters {
+    fn into_parameters(self, like: &smplx::Parameters) -> smplx::Parameters {
         let mut rotations = self.rotations.into_iter().map(axis_angle);
         let single: [PoseAxisAngle; ROTATIONS] = std::array::from_fn(|_| rotations.next().unwrap_or_default());
         let mut numbers = self.numbers.into_iter().map(|number| number as f32);
         let mut number = || numbers.next().unwrap_or_default();
-        let expression = std::array::from_fn(|_| number());
+        let expression = like.expression.iter().map(|_| number()).collect();
         let transl = Vec3::new(number(), number(), number());
         let mut hand = |like: &HandPose| match HandConvention::of(like) {
             HandConvention::Flat => HandPose::Flat(std::array::from_fn(|_| rotations.next().unwrap_or_default())),
@@ -136,8 +136,8 @@ impl Channels {
             }
         };
         let (left_hand_pose, right_hand_pose) = (hand(&like.left_hand_pose), hand(&like.right_hand_pose));
-        BodyParameters {
-            betas: like.betas,
+        smplx::Parameters {
+            betas: like.betas.clone(),
             expression,
             global_orient: single[0],
             body_pose: std::array::from_fn(|joint| single[1 + joint]),
@@ -164,27 +164,28 @@ fn axis_angle(rotation: DQuat) -> PoseAxisAngle {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use xavatar_body::Fingers;
 
     /// A pose that turns and walks evenly: `time` in seconds.
-    fn even(time: f32, hands: fn([PoseAxisAngle; 15]) -> HandPose) -> BodyParameters {
+    fn even(time: f32, hands: fn(Fingers) -> HandPose) -> smplx::Parameters {
         let turn = |speed: f32| PoseAxisAngle(Vec3::new(0.6, 0.0, 0.8) * speed * time);
-        BodyParameters {
+        smplx::Parameters {
             global_orient: turn(0.9),
             body_pose: std::array::from_fn(|joint| turn(0.05 * joint as f32)),
             jaw_pose: turn(0.1),
             left_hand_pose: hands(std::array::from_fn(|joint| turn(0.1 * joint as f32))),
             right_hand_pose: hands(std::array::from_fn(|joint| turn(-0.1 * joint as f32))),
-            expression: [time; 10],
+            expression: vec![time; smplx::EXPRESSIONS],
             transl: Vec3::new(time, 2.0 * time, -time),
             ..Default::default()
         }
     }
 
-    fn clip(count: usize, rate: f32, hands: fn([PoseAxisAngle; 15]) -> HandPose) -> Vec<BodyParameters> {
+    fn clip(count: usize, rate: f32, hands: fn(Fingers) -> HandPose) -> Vec<smplx::Parameters> {
         (0..count).map(|frame| even(frame as f32 / rate, hands)).collect()
     }
 
-    fn assert_equal(found: &BodyParameters, expected: &BodyParameters) {
+    fn assert_equal(found: &smplx::Parameters, expected: &smplx::Parameters) {
         let [found, expected] = [found, expected].map(Channels::of);
         for (found, expected) in found.rotations.iter().zip(&expected.rotations) {
             assert!(found.angle_between(*expected) < 1e-5, "{found} is not {expected}");
@@ -198,7 +199,7 @@ mod tests {
     // Even turns about one axis are even at every rate.
     #[test]
     fn other_rates_show_the_same_movement() {
-        for hands in [HandPose::Flat as fn([PoseAxisAngle; 15]) -> HandPose, HandPose::RelativeToMean] {
+        for hands in [HandPose::Flat as fn(Fingers) -> HandPose, HandPose::RelativeToMean] {
             let frames = clip(31, 30.0, hands);
             for rate in [12.0, 24.0, 30.0, 50.0, 120.0] {
                 let other = resampled(&frames, 30.0, rate).unwrap();
@@ -214,7 +215,7 @@ mod tests {
     // 170 and -170 degrees are 20 apart.
     #[test]
     fn rotations_take_the_shorter_way() {
-        let turned = |degrees: f32| BodyParameters {
+        let turned = |degrees: f32| smplx::Parameters {
             global_orient: PoseAxisAngle(Vec3::Y * degrees.to_radians()),
             ..Default::default()
         };

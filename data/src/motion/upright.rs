@@ -6,8 +6,9 @@
 use glam::{Quat, Vec3};
 
 use super::conventions::{Coordinates, UpAxis};
-use super::{Motion, MotionOptions};
-use xavatar_body::BodyParameters;
+use super::{Motion, MotionOptions, Warning};
+use xavatar_body::smplx;
+use xavatar_formats::Choice;
 
 /// A body that stands for most of a clip has the mean of its own up axis this close to one axis of the world (a cosine).
 const STANDS: f32 = 0.8;
@@ -59,30 +60,34 @@ impl Motion {
     }
 
     /// That nothing tells which way is up in a motion that is as its file has it.
-    pub(super) fn doubt_about_axis(&self, options: &MotionOptions) -> Option<String> {
+    pub(super) fn doubt_about_axis(&self, options: &MotionOptions) -> Option<Warning> {
         let is_told = self.up_is_certain || options.up.is_some() || options.coordinates.is_some();
         (!is_told && self.standing_axis().is_none()).then(|| {
             let axis = self.up;
-            format!("which way is up shows neither in the file nor by a body that stands; {axis} is taken: declare it (--up, --from)")
+            let message =
+                format!("which way is up shows neither in the file nor by a body that stands; {axis} is taken");
+            Warning::choosing(Choice::UpAxis, message)
         })
     }
 
     /// What should be looked at in a motion that is Y up, after all.
-    pub(super) fn doubts_about_up(&self) -> Option<String> {
-        const REMEDY: &str = "if that is wrong, declare the file's up axis (--up) or that it is in a camera's coordinates (--from camera)";
+    pub(super) fn doubts_about_up(&self) -> Option<Warning> {
+        const REMEDY: &str = "if that is wrong, declare the file's up axis, or that it is in a camera's coordinates";
         let count = self.frames.len();
-        let is_head_down = |frame: &BodyParameters| body_up(frame).y < HEAD_DOWN;
+        let is_head_down = |frame: &smplx::Parameters| body_up(frame).y < HEAD_DOWN;
         let head_down = self.frames.iter().filter(|frame| is_head_down(frame)).count();
-        if 2 * head_down > count || self.frames.last().is_some_and(is_head_down) {
-            return Some(format!("the body is head down in {head_down} of {count} frames; {REMEDY}"));
-        }
-        let lying = self.contradicting_axis()?;
-        Some(format!("the body lies, along the axis {lying} once Y is up, for most of the {count} frames; {REMEDY}"))
+        let message = if 2 * head_down > count || self.frames.last().is_some_and(is_head_down) {
+            format!("the body is head down in {head_down} of {count} frames; {REMEDY}")
+        } else {
+            let lying = self.contradicting_axis()?;
+            format!("the body lies, along the axis {lying} once Y is up, for most of the {count} frames; {REMEDY}")
+        };
+        Some(Warning::choosing(Choice::UpAxis, message))
     }
 }
 
 /// Which way a body's pelvis points that in the T-pose points up.
-fn body_up(frame: &BodyParameters) -> Vec3 {
+fn body_up(frame: &smplx::Parameters) -> Vec3 {
     Quat::from_scaled_axis(frame.global_orient.0) * Vec3::Y
 }
 
@@ -92,7 +97,7 @@ mod tests {
     use xavatar_body::PoseAxisAngle;
 
     fn motion(up: UpAxis, turn: Vec3) -> Motion {
-        let frame = BodyParameters { global_orient: PoseAxisAngle(turn), ..Default::default() };
+        let frame = smplx::Parameters { global_orient: PoseAxisAngle(turn), ..Default::default() };
         Motion { frames: vec![frame], up, ..Motion::default() }
     }
 
@@ -130,7 +135,7 @@ mod tests {
     fn bodies_that_do_not_stand_are_said_to_lie_or_to_be_head_down() {
         assert_eq!(motion(UpAxis::Y, Vec3::Y).doubts_about_up(), None);
         let doubt = |turn: Vec3| motion(UpAxis::Y, turn).doubts_about_up().unwrap();
-        assert!(doubt(Vec3::X * 2.0 * QUARTER).contains("head down in 1 of 1 frames"));
-        assert!(doubt(Vec3::X * QUARTER).contains("lies"));
+        assert!(doubt(Vec3::X * 2.0 * QUARTER).message.contains("head down in 1 of 1 frames"));
+        assert!(doubt(Vec3::X * QUARTER).message.contains("lies"));
     }
 }

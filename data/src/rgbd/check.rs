@@ -13,10 +13,10 @@ use serde::Serialize;
 use super::subject::RawFrame;
 use super::{PointCloud, RgbdFiles, RgbdSubject};
 use crate::check::{
-    DistanceReport, SequenceReport, UNITS, UnusableFrame, count_sequences, distances_by_part, height, percentile,
-    reason, strided,
+    Defect, DistanceReport, Finding, SequenceReport, UNITS, UnusableFrame, count_sequences, distances_by_part, height,
+    percentile, reason, strided,
 };
-use xavatar_body::{BodyModel, BodyParameters, Part, PartLabels, Registration};
+use xavatar_body::{BodyModel, Part, PartLabels, Registration};
 use xavatar_formats::Result;
 use xavatar_mesh::camera::PinholeCamera;
 
@@ -50,7 +50,7 @@ pub struct RgbdCheckReport {
     /// Median number of surface points of the measured frames.
     pub points: Option<usize>,
     /// Distance from surface points to the nearest vertex of the registered body by part.
-    pub distances: BTreeMap<&'static str, DistanceReport>,
+    pub distances: BTreeMap<String, DistanceReport>,
     /// Median of measured depth by that of the registered body: 1 if both are in metres.
     pub depth_to_body: Option<f32>,
     /// How high the body would be if the depths were right, metres.
@@ -58,9 +58,9 @@ pub struct RgbdCheckReport {
     /// Frames that cannot be used.
     pub unusable: Vec<UnusableFrame>,
     /// Why training would fail.
-    pub problems: Vec<String>,
+    pub problems: Vec<Finding>,
     /// What training would survive, but not well.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Finding>,
 }
 
 /// Reads every frame of a subject and measures some of them against the body. `progress` hears of each frame that is done.
@@ -73,7 +73,7 @@ pub fn check_rgbd(
     labels: &PartLabels,
     progress: &(dyn Fn() + Sync),
 ) -> Result<RgbdCheckReport> {
-    let standing = body.pose(&BodyParameters { betas: subject.betas, ..BodyParameters::default() })?;
+    let standing = body.pose(&body.skeleton().rest_pose().in_shape(&subject.betas))?;
     let body_height = height(&standing.vertices);
     let files: Vec<&RgbdFiles> = subject.train.iter().chain(&subject.test).collect();
     let stride = files.len().div_ceil(MEASURED).max(1);
@@ -101,7 +101,7 @@ pub fn check_rgbd(
         sequences,
         measured_frames: placements.len(),
         points: points.map(|points| points as usize),
-        distances: distances_by_part(clouds.iter().flat_map(|cloud| cloud.to_body.iter().copied())),
+        distances: distances_by_part(body.skeleton(), clouds.iter().flat_map(|cloud| cloud.to_body.iter().copied())),
         depth_to_body,
         apparent_height: depth_to_body.map(|ratio| ratio * body_height),
         unusable,
@@ -139,7 +139,7 @@ struct Placement {
     instead: Option<&'static str>,
 }
 
-fn look_at(files: &RgbdFiles, betas: &[f32; 10], body: &BodyModel, labels: &PartLabels, measured: bool) -> Seen {
+fn look_at(files: &RgbdFiles, betas: &[f32], body: &BodyModel, labels: &PartLabels, measured: bool) -> Seen {
     let raw = match files.read_raw(betas) {
         Ok(raw) => raw,
         Err(error) => return Seen { placement: None, usable: Err(error) },
@@ -147,7 +147,7 @@ fn look_at(files: &RgbdFiles, betas: &[f32; 10], body: &BodyModel, labels: &Part
     if !measured {
         return Seen { placement: None, usable: files.interpret(raw).map(|_| None) };
     }
-    let posed = match body.pose(&raw.frame.parameters) {
+    let posed = match body.resolve(&raw.frame.parameters).and_then(|pose| body.pose(&pose)) {
         Ok(posed) => posed,
         Err(error) => return Seen { placement: None, usable: Err(error) },
     };
@@ -208,57 +208,58 @@ fn judge(report: &mut RgbdCheckReport, placements: &[&Placement]) {
         let of_split = report.sequences.iter().filter(|sequence| sequence.split == split);
         of_split.map(|sequence| sequence.frames - sequence.unusable).sum::<usize>()
     };
-    let (mut problems, mut warnings) = (Vec::new(), Vec::new());
+    let mut findings = Vec::new();
+    let mut add = |name, message: String| findings.push(Finding::of_subject(name, message));
     if usable("train") == 0 {
-        problems.push("no frame can be trained on".into());
+        add(Defect::NoFrames, "no frame can be trained on".into());
     }
     let broken = report.unusable.iter().filter(|frame| frame.frame.starts_with("train/")).count();
     if broken > 0 {
-        problems.push(format!(
-            "training frames that cannot be used: {broken}; mend or remove, or train with --skip-bad-frames"
-        ));
+        let text = "training frames that cannot be used";
+        add(Defect::Unreadable, format!("{text}: {broken}; mend or remove, or train with --skip-bad-frames"));
     }
     let strayed =
         placements.iter().filter(|placement| placement.share < APPEARS || placement.instead.is_some()).count();
     let instead = placements.iter().find_map(|placement| placement.instead);
     if 2 * strayed > placements.len() {
-        problems.push(match instead {
+        let text = match instead {
             Some(name) => format!(
                 "the extrinsics are {name}: convert them to world to camera in OpenCV's axes (x right, y down, z forward)"
             ),
             None => "the registered body does not appear where the pictures have depth: are cameras, pictures and bodies of \
                      the same frames, and the extrinsics world to camera, in metres, in OpenCV's axes?"
                 .into(),
-        });
+        };
+        add(Defect::Camera, text);
     } else if let (Some(ratio), Some(tall)) = (report.depth_to_body, report.apparent_height) {
-        judge_unit(ratio, tall, &mut problems);
+        if !FITS.contains(&ratio) {
+            add(Defect::Unit, depth_unit(ratio, tall));
+        }
         let all = report.distances.get("all").filter(|all| all.median_mm > UNRELATED && FITS.contains(&ratio));
         if let Some(all) = all {
-            problems.push(format!(
+            let text = format!(
                 "half of the points are more than {:.0} mm from the registered body: are parameters and pictures of the same \
                  frames, and is depth z, not the length of the ray?",
                 all.median_mm
-            ));
+            );
+            add(Defect::OtherFrame, text);
         }
     }
     if let Some(points) = report.points.filter(|points| *points < FEW_POINTS) {
-        warnings.push(format!("a frame has only {points} points of the subject: go nearer, or use a finer camera"));
+        let text = format!("a frame has only {points} points of the subject: go nearer, or use a finer camera");
+        add(Defect::FewPoints, text);
     }
-    report.problems = problems;
-    report.warnings = warnings;
+    (report.problems, report.warnings) = findings.into_iter().partition(|finding| finding.name.is_problem());
 }
 
-/// Says in which unit the depths are if it is not metres.
-fn judge_unit(ratio: f32, tall: f32, problems: &mut Vec<String>) {
-    if FITS.contains(&ratio) {
-        return;
-    }
+/// In which unit depths are that are not in metres.
+fn depth_unit(ratio: f32, tall: f32) -> String {
     let tall = if tall < 0.1 { format!("{:.1} mm", tall * MILLIMETRES) } else { format!("{tall:.0} m") };
     // A unit declared too large makes depths too large, and too small, too small.
     let explained =
         |&&(_, per_metre): &&(&str, f32)| FITS.contains(&(ratio / per_metre)) || FITS.contains(&(ratio * per_metre));
     let unit = UNITS.iter().skip(1).find(explained);
-    problems.push(match unit {
+    match unit {
         Some((name, _)) if ratio > 1.0 => {
             format!("the body would be {tall} tall: the depth pictures are in {name}; declare that (depth_unit)")
         }
@@ -268,5 +269,5 @@ fn judge_unit(ratio: f32, tall: f32, problems: &mut Vec<String>) {
         None => format!(
             "the body would be {tall} tall: depth is {ratio:.3} times that of the registered body; correct depth_unit"
         ),
-    });
+    }
 }

@@ -13,7 +13,7 @@ use exr::prelude::{ReadChannels, ReadLayers};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 
-use xavatar_formats::{Fault, Result, read_bytes};
+use xavatar_formats::{Fault, Result, guarded, read_bytes};
 use xavatar_mesh::camera::LARGEST_SIDE;
 
 const FORMAT: &str = "depth picture";
@@ -40,8 +40,9 @@ pub struct DepthPicture {
 /// Reads a depth picture.
 ///
 /// # Errors
-/// [`Error::Io`](xavatar_formats::Error::Io); [`Error::Malformed`](xavatar_formats::Error::Malformed) if the file is truncated or damaged, in no known format, larger than
-/// [`LARGEST_SIDE`] a side, or has no channel that is depth (8-bit pictures are previews, not depth).
+/// [`Error::Io`](xavatar_formats::Error::Io); [`Error::Malformed`](xavatar_formats::Error::Malformed) if the file is truncated or
+/// damaged, in no known format, larger than [`LARGEST_SIDE`] a side, or has no channel that is depth (8-bit pictures are previews, not
+/// depth).
 pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthPicture> {
     let path = path.as_ref();
     parse_depth(&read_bytes(path)?).map_err(|fault| fault.in_file(path, FORMAT))
@@ -50,13 +51,17 @@ pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthPicture> {
 type Parsed<T> = std::result::Result<T, Fault>;
 
 /// The depth picture of a file's bytes.
-pub(super) fn parse_depth(bytes: &[u8]) -> Parsed<DepthPicture> {
-    match bytes {
+///
+/// # Errors
+/// As [`read_depth`], without the file's name.
+pub fn parse_depth(bytes: &[u8]) -> std::result::Result<DepthPicture, Fault> {
+    let decode = || match bytes {
         [0x89, b'P', b'N', b'G', ..] => parse_png(bytes),
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => parse_tiff(bytes),
         [0x76, 0x2f, 0x31, 0x01, ..] => parse_exr(bytes),
         _ => Err(Fault::malformed("the start of the file", "no known signature", "a 16-bit PNG, a TIFF or an OpenEXR")),
-    }
+    };
+    guarded(decode).unwrap_or_else(|| Err(Fault::malformed("the file", "broken", "a whole picture")))
 }
 
 /// The size, if no side is zero or too long.

@@ -32,7 +32,7 @@ pub struct RgbdFrame {
     pub depth: Vec<f32>,
     /// Which pixels show the subject; without a mask, all that have a depth.
     pub mask: Option<Vec<bool>>,
-    /// The registered body; `betas` are the subject's mean shape.
+    /// The registered body; its shape is the subject's mean shape.
     pub parameters: BodyParameters,
 }
 
@@ -100,7 +100,7 @@ pub trait RgbdSource: Sync {
     fn read(&self, index: usize) -> Result<RgbdFrame>;
 
     /// The subject's shape.
-    fn betas(&self) -> [f32; 10];
+    fn betas(&self) -> &[f32];
 
     /// The subject's gender.
     fn gender(&self) -> Gender;

@@ -27,9 +27,9 @@ pub(super) struct Layout {
 
 /// The subject's shape: the numbers, or an npy file of them.
 #[derive(Deserialize, Serialize)]
-#[serde(untagged, expecting = "`betas` has to be 10 numbers or the name of an npy file")]
-pub(super) enum Shape {
-    Numbers([f32; 10]),
+#[serde(untagged, expecting = "`betas` has to be numbers or the name of an npy file")]
+pub(crate) enum Shape {
+    Numbers(Vec<f32>),
     File(PathBuf),
 }
 
@@ -48,10 +48,17 @@ pub(super) enum NamedUnit {
     Millimetres,
 }
 
-/// One camera for all sequences, pixels.
+/// One camera for all sequences: pixels, or a file that has them.
+#[derive(Deserialize, Serialize)]
+#[serde(untagged, expecting = "`intrinsics` has to be fx, fy, cx and cy, or the name of a file with a 3 x 3 matrix")]
+pub(super) enum Calibration {
+    Numbers(FocalLengths),
+    File(PathBuf),
+}
+
 #[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Calibration {
+pub(super) struct FocalLengths {
     pub fx: f32,
     pub fy: f32,
     pub cx: f32,
@@ -72,7 +79,7 @@ pub(super) struct Sequence {
     pub depth: PathBuf,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mask: Option<PathBuf>,
-    /// `cameras.npz`, `.toml` or `.json`, whichever is there, if not given.
+    /// A file, or a folder with one a frame; `cameras.npz`, `.toml` or `.json`, whichever is there, if not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cameras: Option<PathBuf>,
     #[serde(default = "bodies_folder")]
@@ -81,7 +88,7 @@ pub(super) struct Sequence {
 
 #[derive(Clone, Copy, Deserialize, Serialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Split {
+pub(crate) enum Split {
     Train,
     Test,
 }

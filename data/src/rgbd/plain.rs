@@ -1,18 +1,21 @@
 //! A plain folder of RGB-D pictures: what its `rgbd.toml` says (docs/rgbd.md).
 //!
-//! Pictures of one frame have the same number at the end of their names: `color_0007.jpg`, `depth0007.exr`, `7.png`. The rows of
-//! camera files and motions follow the frames of a sequence in the order of these numbers.
+//! Pictures of one frame have the same number in their names, or the nearest times. The rows of camera files and motions follow the
+//! frames of a sequence in this order; of pictures with times, rows may follow the colour pictures instead, and poses have times of
+//! their own.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::RgbdSubject;
-use super::cameras::Intrinsics;
-use super::layout::{Layout, Sequence, Shape, Split};
+use super::association::{self, Folders, Pictures};
+use super::cameras::{Intrinsics, POSE_EXTENSIONS, rows_at};
+use super::layout::{Calibration, Layout, Sequence, Shape, Split};
+use super::numbering::{NumberedFiles, SAME_MOMENT};
 use super::subject::{RegistrationFile, RgbdFiles};
-use crate::xhumans::{file_names, mean_shape};
+use crate::xhumans::mean_shape;
 use crate::{FrameId, read_motion};
-use xavatar_formats::{Error, Result, excerpt};
+use xavatar_formats::{Error, Result};
 
 const FORMAT: &str = "RGB-D folder";
 /// Looked for in this order where `cameras` is not given.
@@ -21,7 +24,7 @@ const CAMERA_FILES: [&str; 3] = ["cameras.npz", "cameras.toml", "cameras.json"];
 pub(super) fn open(folder: &Path) -> Result<RgbdSubject> {
     let layout = Layout::read(folder)?;
     let betas = match &layout.betas {
-        Shape::Numbers(betas) => *betas,
+        Shape::Numbers(betas) => betas.clone(),
         Shape::File(file) => mean_shape(&folder.join(file))?,
     };
     let mut subject =
@@ -45,82 +48,143 @@ pub(super) fn open(folder: &Path) -> Result<RgbdSubject> {
 
 fn frames_of_sequence(subject: &Path, layout: &Layout, sequence: &Sequence) -> Result<Vec<RgbdFiles>> {
     let folder = subject.join(&sequence.folder);
-    let pictures = |name: &Path| {
-        let folder = folder.join(name);
-        if folder.is_dir() { numbered_pictures(&folder) } else { Err(missing(folder, "a folder of pictures")) }
+    let pictures = find_pictures(&folder, sequence)?;
+    let bodies = folder.join(&sequence.bodies);
+    let motion = read_motion(&bodies)?;
+    let rows = rows(&pictures, motion.frames.len()).ok_or_else(|| Error::Mismatch {
+        path: bodies,
+        found: format!("{} registered bodies", motion.frames.len()),
+        expected: format!("one for each of the {} frames in {}", pictures.frames.len(), folder.display()),
+        remedy: "register every frame, or remove the pictures of the others".into(),
+    })?;
+    let cameras = cameras_of(&folder, sequence, &pictures.frames, &rows)?;
+    let name = sequence.name.clone().or_else(|| Some(sequence.folder.file_name()?.to_string_lossy().into_owned()));
+    let intrinsics = intrinsics(subject, layout)?;
+    let frame = |((pictures, row), (cameras, camera_row)): ((Pictures, usize), (PathBuf, Option<usize>))| RgbdFiles {
+        id: FrameId {
+            split: sequence.split.name().into(),
+            sequence: name.clone().unwrap_or_default(),
+            number: pictures.number,
+        },
+        colour: pictures.colour,
+        depth: pictures.depth,
+        mask: pictures.mask,
+        cameras,
+        metres_per_unit: layout.metres_per_unit(),
+        camera_row,
+        pixel_origin: layout.pixel_origin,
+        intrinsics,
+        registration: RegistrationFile::Read(Box::new(motion.frames[row].clone())),
     };
-    let (colour, depth) = (pictures(&sequence.colour)?, pictures(&sequence.depth)?);
-    let masks = sequence.mask.as_deref().map(pictures).transpose()?;
-    let cameras = match &sequence.cameras {
+    Ok(pictures.frames.into_iter().zip(rows).zip(cameras).map(frame).collect())
+}
+
+/// Extensions of pictures, in lower case.
+const PICTURE_EXTENSIONS: [&str; 8] = ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "tga", "exr"];
+
+/// What a picture shows, by its name: asked where one folder has several kinds.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Colour,
+    Depth,
+    Mask,
+}
+
+impl Kind {
+    fn of(name: &str) -> Self {
+        let name = name.to_ascii_lowercase();
+        match (name.contains("mask"), name.contains("depth")) {
+            (true, _) => Self::Mask,
+            (false, true) => Self::Depth,
+            (false, false) => Self::Colour,
+        }
+    }
+}
+
+/// The pictures of a sequence.
+struct Found {
+    frames: Vec<Pictures>,
+    /// Colour pictures, with those that have no depth.
+    colour: usize,
+}
+
+fn find_pictures(folder: &Path, sequence: &Sequence) -> Result<Found> {
+    let [colour, depth] = [&sequence.colour, &sequence.depth].map(|name| folder.join(name));
+    let mask = sequence.mask.as_ref().map(|name| folder.join(name));
+    let read = |kind: Kind, folder: &Path| {
+        let kinds = [Some(&colour), Some(&depth), mask.as_ref()];
+        let is_shared = kinds.iter().flatten().filter(|other| **other == folder).count() > 1;
+        match folder.is_dir() {
+            true => NumberedFiles::read(folder, &PICTURE_EXTENSIONS, |name| !is_shared || Kind::of(name) == kind),
+            false => Err(missing(folder.into(), "a folder of pictures")),
+        }
+    };
+    let (colour_files, depth_files) = (read(Kind::Colour, &colour)?, read(Kind::Depth, &depth)?);
+    let mask_files = mask.as_deref().map(|mask| read(Kind::Mask, mask)).transpose()?;
+    let folders = Folders { colour: &colour, depth: &depth, mask: mask.as_deref() };
+    let frames = association::frames(&folders, &colour_files, &depth_files, mask_files.as_ref())?;
+    let colour = match colour_files {
+        NumberedFiles::Times(times) => times.len(),
+        NumberedFiles::Numbers(_) => frames.len(),
+    };
+    Ok(Found { frames, colour })
+}
+
+/// The row of each frame among so many: one a frame, or one a colour picture; `None` if there are as many of neither.
+fn rows(pictures: &Found, count: usize) -> Option<Vec<usize>> {
+    let frames = &pictures.frames;
+    if count == frames.len() {
+        return Some((0..count).collect());
+    }
+    if count != pictures.colour {
+        return None;
+    }
+    frames.iter().map(|frame| Some(frame.moment?.place)).collect()
+}
+
+/// The camera file of each frame, and the row in it; no row where a file of poses with times has none of that moment.
+fn cameras_of(
+    folder: &Path,
+    sequence: &Sequence,
+    frames: &[Pictures],
+    rows: &[usize],
+) -> Result<Vec<(PathBuf, Option<usize>)>> {
+    let path = match &sequence.cameras {
         Some(file) => folder.join(file),
         None => {
             let mut candidates = CAMERA_FILES.iter().map(|name| folder.join(name));
             candidates.find(|file| file.is_file()).unwrap_or_else(|| folder.join(CAMERA_FILES[0]))
         }
     };
-    let numbers: BTreeSet<u32> = colour.keys().chain(depth.keys()).copied().collect();
-    let motion = read_motion(folder.join(&sequence.bodies))?;
-    if motion.frames.len() != numbers.len() {
-        return Err(Error::Mismatch {
-            path: folder.join(&sequence.bodies),
-            found: format!("{} registered bodies", motion.frames.len()),
-            expected: format!("one for each of the {} frames in {}", numbers.len(), folder.display()),
-            remedy: "register every frame, or remove the pictures of the others".into(),
-        });
-    }
-    let name = sequence.name.clone().or_else(|| Some(sequence.folder.file_name()?.to_string_lossy().into_owned()));
-    let intrinsics = layout
-        .intrinsics
-        .as_ref()
-        .map(|known| Intrinsics::new([known.fx, known.fy, known.cx, known.cy], layout.pixel_origin));
-    let frame = |((row, number), parameters): ((usize, u32), _)| {
-        let file = |files: &BTreeMap<u32, PathBuf>, folder_name: &Path| {
-            files.get(&number).cloned().unwrap_or_else(|| folder.join(folder_name).join(number.to_string()))
+    if path.is_dir() {
+        let has_number = |name: &str| name.contains(|letter: char| letter.is_ascii_digit());
+        let files = NumberedFiles::read(&path, &POSE_EXTENSIONS, has_number)?;
+        let by_number = files.of_frames(&frames.iter().map(|frame| frame.number).collect::<BTreeSet<u32>>());
+        let file = |frame: &Pictures| {
+            let of_time = frame.moment.and_then(|moment| files.at_time(moment.seconds)).map(Path::to_path_buf);
+            let found = of_time.or_else(|| by_number.get(&frame.number).cloned());
+            (found.unwrap_or_else(|| path.join(format!("{}.txt", frame.number))), Some(0))
         };
-        RgbdFiles {
-            id: FrameId { split: sequence.split.name().into(), sequence: name.clone().unwrap_or_default(), number },
-            colour: file(&colour, &sequence.colour),
-            depth: file(&depth, &sequence.depth),
-            mask: masks.as_ref().zip(sequence.mask.as_ref()).map(|(masks, folder)| file(masks, folder)),
-            cameras: cameras.clone(),
-            metres_per_unit: layout.metres_per_unit(),
-            camera_row: row,
-            pixel_origin: layout.pixel_origin,
-            intrinsics,
-            registration: RegistrationFile::Read(Box::new(parameters)),
-        }
-    };
-    Ok(numbers.into_iter().enumerate().zip(motion.frames).map(frame).collect())
+        return Ok(frames.iter().map(file).collect());
+    }
+    let times: Option<Vec<f64>> = frames.iter().map(|frame| Some(frame.moment?.seconds)).collect();
+    let at_times = times.map(|times| rows_at(&path, &times, SAME_MOMENT)).transpose()?.flatten();
+    let rows = at_times.unwrap_or_else(|| rows.iter().copied().map(Some).collect());
+    Ok(rows.into_iter().map(|row| (path.clone(), row)).collect())
 }
 
-/// The pictures of a folder by the number at the end of their names; other files are left out.
-fn numbered_pictures(folder: &Path) -> Result<BTreeMap<u32, PathBuf>> {
-    let mut pictures = BTreeMap::new();
-    for name in file_names(folder)? {
-        let path = folder.join(&name);
-        let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-        if !matches!(extension.as_deref(), Some("png" | "jpg" | "jpeg" | "tif" | "tiff" | "exr")) {
-            continue;
+fn intrinsics(subject: &Path, layout: &Layout) -> Result<Option<Intrinsics>> {
+    Ok(match &layout.intrinsics {
+        None => None,
+        Some(Calibration::Numbers(known)) => {
+            Some(Intrinsics::new([known.fx, known.fy, known.cx, known.cy], layout.pixel_origin))
         }
-        let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
-        let digits = &stem[stem.trim_end_matches(|letter: char| letter.is_ascii_digit()).len()..];
-        let Ok(number) = digits.parse() else {
-            return Err(malformed(&path, "the name", excerpt(stem), "the frame's number at its end"));
-        };
-        if let Some(other) = pictures.insert(number, path.clone()) {
-            return Err(Error::Mismatch {
-                path,
-                found: format!("frame {number} again"),
-                expected: format!("one picture a frame, which is {}", other.display()),
-                remedy: "keep colour, depth and masks in folders of their own".into(),
-            });
-        }
-    }
-    Ok(pictures)
+        Some(Calibration::File(file)) => Some(Intrinsics::read(&subject.join(file), layout.pixel_origin)?),
+    })
 }
 
 fn missing(path: PathBuf, what: &str) -> Error {
-    Error::Missing { path, what: what.into(), remedy: format!("correct {}, which names it", Layout::FILE) }
+    Error::Missing { path, what: what.into(), remedy: format!("correct {}, which names it", Layout::FILE).into() }
 }
 
 fn malformed(path: &Path, place: &str, found: impl ToString, expected: &str) -> Error {

@@ -115,7 +115,7 @@ mod tests {
     use super::super::frame::{BACKGROUND, NO_MEASUREMENT};
     use super::*;
     use crate::FrameId;
-    use xavatar_body::BodyParameters;
+    use xavatar_body::smplx;
 
     const CENTRE: Vec3 = Vec3::new(0.1, 1.2, -0.2);
 
@@ -129,7 +129,7 @@ mod tests {
             colour: RgbImage::from_fn(width, height, |column, row| Rgb([column as u8, row as u8, 7])),
             depth: pixels.map(depth).collect(),
             mask: None,
-            parameters: BodyParameters::default(),
+            parameters: smplx::Parameters::default().into(),
         }
     }
 

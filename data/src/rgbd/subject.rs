@@ -6,11 +6,11 @@ use super::cameras::{CameraTable, Intrinsics, PixelOrigin};
 use super::depth_file::{DepthPicture, read_depth};
 use super::frame::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, RgbdFrame, RgbdSource};
 use super::layout::Layout;
-use super::{plain, xhumans};
+use super::{plain, recordings, xhumans};
 use crate::FrameId;
 use crate::xhumans::parameters_of;
-use xavatar_body::{BodyParameters, Gender};
-use xavatar_formats::{Error, Result, read_pickle_arrays, read_picture};
+use xavatar_body::{Gender, smplx};
+use xavatar_formats::{Choice, Error, Remedy, Result, read_pickle_arrays, read_picture};
 
 /// A mask's pixel shows the subject from this value on.
 const MASK_THRESHOLD: u8 = 128;
@@ -23,7 +23,7 @@ pub struct RgbdSubject {
     /// Which body model fits the subject.
     pub gender: Gender,
     /// Shape coefficients beta, common to all frames.
-    pub betas: [f32; 10],
+    pub betas: Vec<f32>,
     /// Training frames, by sequence and number.
     pub train: Vec<RgbdFiles>,
     /// Test frames, by sequence and number.
@@ -45,7 +45,8 @@ pub struct RgbdFiles {
     pub cameras: PathBuf,
     /// Metres in one unit of the depth picture.
     pub metres_per_unit: f32,
-    pub(super) camera_row: usize,
+    /// None if no pose is of the picture's moment.
+    pub(super) camera_row: Option<usize>,
     pub(super) pixel_origin: PixelOrigin,
     pub(super) intrinsics: Option<Intrinsics>,
     pub(super) registration: RegistrationFile,
@@ -57,7 +58,7 @@ pub(super) enum RegistrationFile {
     /// An X-Humans parameter file, which may be missing.
     XHumans(PathBuf),
     /// Read already, with those of the whole sequence.
-    Read(Box<BodyParameters>),
+    Read(Box<smplx::Parameters>),
 }
 
 impl RgbdSubject {
@@ -70,9 +71,11 @@ impl RgbdSubject {
     /// A frame of which one file is there counts, so that [`read`](RgbdFiles::read) can say what it lacks.
     ///
     /// # Errors
-    /// [`Error::Missing`] if the folder is in neither layout; what is wrong with its `rgbd.toml`, gender or shape.
+    /// [`Error::Missing`] if the folder is in neither layout; [`Error::Mismatch`] for a recording of a sensor, or pictures of a
+    /// benchmark, that need a `rgbd.toml`; what is wrong with its `rgbd.toml`, gender or shape.
     pub fn open(folder: impl AsRef<Path>) -> Result<Self> {
         let folder = folder.as_ref();
+        recordings::refuse(folder)?;
         let subject =
             if folder.join(Self::LAYOUT_FILE).is_file() { plain::open(folder) } else { xhumans::open(folder) }?;
         if subject.train.is_empty() && subject.test.is_empty() {
@@ -87,9 +90,10 @@ impl RgbdSubject {
         Ok(subject)
     }
 
-    /// Whether a folder has RGB-D frames in a known layout. Reads the layout only.
+    /// Whether a folder has RGB-D frames in a known layout, or a sensor's recording that [`open`](Self::open) knows by name. Reads
+    /// the layout only.
     pub fn is_in(folder: &Path) -> bool {
-        folder.join(Self::LAYOUT_FILE).is_file() || xhumans::has_pictures(folder)
+        folder.join(Self::LAYOUT_FILE).is_file() || xhumans::has_pictures(folder) || recordings::refuse(folder).is_err()
     }
 
     /// The training frames as a source.
@@ -106,7 +110,7 @@ impl RgbdSubject {
         RgbdFrames {
             ids: files.iter().map(|files| files.id.clone()).collect(),
             files: files.to_vec(),
-            betas: self.betas,
+            betas: self.betas.clone(),
             gender: self.gender,
         }
     }
@@ -117,7 +121,7 @@ impl RgbdSubject {
 pub struct RgbdFrames {
     files: Vec<RgbdFiles>,
     ids: Vec<FrameId>,
-    betas: [f32; 10],
+    betas: Vec<f32>,
     gender: Gender,
 }
 
@@ -130,8 +134,8 @@ impl RgbdSource for RgbdFrames {
         self.files[index].read(&self.betas)
     }
 
-    fn betas(&self) -> [f32; 10] {
-        self.betas
+    fn betas(&self) -> &[f32] {
+        &self.betas
     }
 
     fn gender(&self) -> Gender {
@@ -153,7 +157,7 @@ impl RgbdFiles {
     /// # Errors
     /// [`Error::Frame`] naming the frame and, inside, the file: missing, damaged, of another size than the colour picture,
     /// without a camera, or without any depth of the subject.
-    pub fn read(&self, betas: &[f32; 10]) -> Result<RgbdFrame> {
+    pub fn read(&self, betas: &[f32]) -> Result<RgbdFrame> {
         let read = self.read_raw(betas).and_then(|raw| self.interpret(raw));
         read.map_err(|error| error.in_frame(self.id.to_string()))
     }
@@ -169,7 +173,7 @@ impl RgbdFiles {
     }
 
     /// Everything but the meaning of the depths, with all sizes agreed. Errors do not name the frame.
-    pub(super) fn read_raw(&self, betas: &[f32; 10]) -> Result<RawFrame> {
+    pub(super) fn read_raw(&self, betas: &[f32]) -> Result<RawFrame> {
         must_exist(&self.colour, "the frame's colour picture")?;
         must_exist(&self.depth, "the frame's depth picture")?;
         let colour = read_picture(&self.colour)?.into_rgb8();
@@ -183,20 +187,25 @@ impl RgbdFiles {
             Ok::<_, Error>(mask.into_raw().into_iter().map(|value| value >= MASK_THRESHOLD).collect())
         });
         let cameras = CameraTable::read(&self.cameras, self.pixel_origin, self.intrinsics)?;
+        let camera_row = self.camera_row.ok_or_else(|| Error::Missing {
+            path: self.cameras.clone(),
+            what: format!("the pose of {}", self.colour.display()),
+            remedy: Remedy::choosing(Choice::SkipBadFrames, "leave the frame out"),
+        })?;
         let frame = RgbdFrame {
             id: self.id.clone(),
-            camera: cameras.camera(self.camera_row, size.into())?,
+            camera: cameras.camera(camera_row, size.into())?,
             colour,
             depth: Vec::new(),
             mask: mask.transpose()?,
-            parameters: BodyParameters { betas: *betas, ..self.parameters()? },
+            parameters: smplx::Parameters { betas: betas.to_vec(), ..self.parameters()? }.into(),
         };
         Ok(RawFrame { depth, frame })
     }
 
-    fn parameters(&self) -> Result<BodyParameters> {
+    fn parameters(&self) -> Result<smplx::Parameters> {
         match &self.registration {
-            RegistrationFile::Read(parameters) => Ok(BodyParameters::clone(parameters)),
+            RegistrationFile::Read(parameters) => Ok(smplx::Parameters::clone(parameters)),
             RegistrationFile::XHumans(path) => {
                 must_exist(path, "the frame's SMPL-X parameters")?;
                 parameters_of(path, &read_pickle_arrays(path)?)
@@ -263,7 +272,7 @@ fn must_exist(path: &Path, what: &str) -> Result<()> {
     Err(Error::Missing {
         path: path.into(),
         what: what.into(),
-        remedy: "complete the data set, or leave the frame out with --skip-bad-frames".into(),
+        remedy: Remedy::choosing(Choice::SkipBadFrames, "complete the data set, or leave the frame out"),
     })
 }
 

@@ -45,7 +45,7 @@ pub fn write_rgbd_subject(
     folder: impl AsRef<Path>,
     layout: RgbdLayout,
     gender: Gender,
-    betas: &[f32; 10],
+    betas: &[f32],
     frames: impl IntoIterator<Item = Result<RgbdFrame>>,
 ) -> Result<()> {
     let folder = folder.as_ref();
@@ -57,7 +57,7 @@ pub fn write_rgbd_subject(
         let place = written.cameras.len() as u32 + 1;
         write_frame(folder, layout, &frame, place).map_err(|error| error.in_frame(frame.id.to_string()))?;
         written.cameras.push(frame.camera);
-        written.motion.frames.push(frame.parameters);
+        written.motion.frames.push(frame.parameters.smplx()?.clone());
     }
     for ((split, sequence), written) in &sequences {
         let sequence = folder.join(split).join(sequence);
@@ -114,7 +114,7 @@ fn write_layout<'a>(
     folder: &Path,
     format: DepthFormat,
     gender: Gender,
-    betas: &[f32; 10],
+    betas: &[f32],
     sequences: impl Iterator<Item = &'a (String, String)>,
 ) -> Result<()> {
     let sequence = |(split, name): &(String, String)| {
@@ -134,7 +134,7 @@ fn write_layout<'a>(
     };
     let layout = Layout {
         gender,
-        betas: Shape::Numbers(*betas),
+        betas: Shape::Numbers(betas.to_vec()),
         depth_unit: DepthUnit::Metres(format.metres_per_unit()),
         pixel_origin: PixelOrigin::Corner,
         intrinsics: None,

@@ -70,7 +70,7 @@ fn frames_of_sequence(sequence: &Path, split: &str, name: &str) -> Result<Vec<Rg
             mask: None,
             cameras: cameras.clone(),
             metres_per_unit: 1.0,
-            camera_row: (picture as usize).wrapping_sub(1),
+            camera_row: (picture as usize).checked_sub(1),
             pixel_origin: PixelOrigin::Corner,
             intrinsics: None,
             registration: RegistrationFile::XHumans(

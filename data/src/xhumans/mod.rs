@@ -9,76 +9,29 @@
 //! Where both kinds of scan are there, the raw one is read, because it has a texture. Shape is the subject's mean shape,
 //! never the frames' own `betas`; hand poses are relative to the mean hand. Metres, Y up.
 
-mod frame;
+mod parameters;
 mod write;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub use frame::read_frame;
 pub use write::write_subject;
 
-pub(super) use frame::parameters_of;
+pub(super) use parameters::parameters_of;
 pub(super) use write::{create_folder, write_common, write_parameters};
 
-use super::{FrameFiles, FrameId};
 use xavatar_body::Gender;
 use xavatar_formats::{Error, Result, read_npy, read_text};
 
-const SHAPE_FILE: &str = "mean_shape_smplx.npy";
-const GENDER_FILE: &str = "gender.txt";
+pub(super) const SHAPE_FILE: &str = "mean_shape_smplx.npy";
+pub(super) const GENDER_FILE: &str = "gender.txt";
 const PARAMETERS: &str = "SMPLX";
-const RAW_SCANS: &str = "meshes_pkl";
 const COLOURED_SCANS: &str = "meshes_ply";
-
-/// A subject on disk: what is common to its frames, and which frames there are.
-#[derive(Clone, Debug)]
-pub struct Subject {
-    /// The subject's folder.
-    pub folder: PathBuf,
-    /// Which body model fits the subject.
-    pub gender: Gender,
-    /// Shape coefficients beta, common to all frames.
-    pub betas: [f32; 10],
-    /// Training frames, by sequence and number.
-    pub train: Vec<FrameFiles>,
-    /// Test frames, by sequence and number.
-    pub test: Vec<FrameFiles>,
-}
-
-impl Subject {
-    /// Finds the frames of the subject in `folder`, without reading them.
-    ///
-    /// A frame of which one file is there counts, so that [`read_frame`] can say what it lacks.
-    ///
-    /// # Errors
-    /// [`Error::Missing`] if the folder, the gender or shape file or every frame is missing; [`Error::Mismatch`] or
-    /// [`Error::Malformed`] if the gender is none of the three or the mean shape is not 10 finite numbers.
-    pub fn open(folder: impl AsRef<Path>) -> Result<Self> {
-        let folder = folder.as_ref();
-        let Common { gender, betas } = Common::read(folder)?;
-        let subject = Self {
-            folder: folder.into(),
-            gender,
-            betas,
-            train: frames_of_split(folder, "train")?,
-            test: frames_of_split(folder, "test")?,
-        };
-        if subject.train.is_empty() && subject.test.is_empty() {
-            return Err(Error::Missing {
-                path: folder.into(),
-                what: "a frame (train/<sequence>/SMPLX/mesh-f00001_smplx.pkl with its scan)".into(),
-                remedy: "check that this is one subject's folder, unpacked whole".into(),
-            });
-        }
-        Ok(subject)
-    }
-}
 
 /// What is common to a subject's frames, scans or pictures.
 pub(super) struct Common {
     pub(super) gender: Gender,
-    pub(super) betas: [f32; 10],
+    pub(super) betas: Vec<f32>,
 }
 
 impl Common {
@@ -97,18 +50,22 @@ impl Common {
         if !gender_path.exists() {
             return Err(missing(gender_path, "the subject's gender", "write neutral, male or female into it"));
         }
-        let text = read_text(&gender_path)?;
-        let gender = text.parse().map_err(|_| Error::Mismatch {
-            path: gender_path,
-            found: xavatar_formats::excerpt(text.trim()),
-            expected: "neutral, male or female".into(),
-            remedy: "write the gender of the registered body model".into(),
-        })?;
-        Ok(Self { gender, betas: mean_shape(&folder.join(SHAPE_FILE))? })
+        Ok(Self { gender: gender_in(&gender_path)?, betas: mean_shape(&folder.join(SHAPE_FILE))? })
     }
 }
 
-pub(super) fn mean_shape(path: &Path) -> Result<[f32; 10]> {
+/// The gender that a file states.
+pub(super) fn gender_in(path: &Path) -> Result<Gender> {
+    let text = read_text(path)?;
+    text.parse().map_err(|_| Error::Mismatch {
+        path: path.into(),
+        found: xavatar_formats::excerpt(text.trim()),
+        expected: "neutral, male or female".into(),
+        remedy: "write the gender of the registered body model".into(),
+    })
+}
+
+pub(super) fn mean_shape(path: &Path) -> Result<Vec<f32>> {
     if !path.exists() {
         return Err(Error::Missing {
             path: path.into(),
@@ -118,20 +75,12 @@ pub(super) fn mean_shape(path: &Path) -> Result<[f32; 10]> {
     }
     let array = read_npy(path)?;
     let betas = array.to_f32().filter(|values| values.iter().all(|value| value.is_finite()));
-    betas.and_then(|values| values.try_into().ok()).ok_or_else(|| Error::Mismatch {
+    betas.filter(|values| !values.is_empty()).ok_or_else(|| Error::Mismatch {
         path: path.into(),
         found: array.description(),
-        expected: "10 finite shape coefficients".into(),
-        remedy: "use the shape of the 10-coefficient SMPL-X model".into(),
+        expected: "finite shape coefficients".into(),
+        remedy: "use the shape that the frames were registered with".into(),
     })
-}
-
-fn frames_of_split(subject: &Path, split: &str) -> Result<Vec<FrameFiles>> {
-    let mut frames = Vec::new();
-    for (sequence, folder) in sequences_of(subject, split)? {
-        frames.extend(frames_of_sequence(&folder, split, &sequence)?);
-    }
-    Ok(frames)
 }
 
 /// The names and folders of a split's sequences, sorted; none if there is no such split.
@@ -142,24 +91,6 @@ pub(super) fn sequences_of(subject: &Path, split: &str) -> Result<Vec<(String, P
     }
     let names = file_names(&folder)?.into_iter().map(|name| (name.clone(), folder.join(name)));
     Ok(names.filter(|(_, folder)| folder.is_dir()).collect())
-}
-
-fn frames_of_sequence(folder: &Path, split: &str, sequence: &str) -> Result<Vec<FrameFiles>> {
-    let raw = numbered_files(&folder.join(RAW_SCANS), "mesh-f", ".pkl")?;
-    let coloured = numbered_files(&folder.join(COLOURED_SCANS), "mesh-f", ".ply")?;
-    let parameters = parameter_files(folder)?;
-    let numbers: BTreeSet<u32> = [&raw, &coloured, &parameters].into_iter().flat_map(BTreeMap::keys).copied().collect();
-    let frame = |number: u32| {
-        let is_raw = raw.contains_key(&number) || !coloured.contains_key(&number);
-        let scan = if is_raw { raw.get(&number) } else { coloured.get(&number) };
-        FrameFiles {
-            id: FrameId { split: split.into(), sequence: sequence.into(), number },
-            scan: scan.cloned().unwrap_or_else(|| folder.join(RAW_SCANS).join(format!("mesh-f{number:05}.pkl"))),
-            atlas: is_raw.then(|| folder.join(RAW_SCANS).join(format!("atlas-f{number:05}.pkl"))),
-            parameters: parameters.get(&number).cloned().unwrap_or_else(|| parameters_path(folder, number)),
-        }
-    };
-    Ok(numbers.into_iter().map(frame).collect())
 }
 
 pub(super) fn parameters_path(sequence: &Path, number: u32) -> PathBuf {

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::{COLOURED_SCANS, GENDER_FILE, PARAMETERS, SHAPE_FILE, parameters_path};
 use crate::ScanFrame;
 use crate::fields::components;
-use xavatar_body::{BodyParameters, Gender, HandPose, PoseAxisAngle};
+use xavatar_body::{BodyParameters, Gender, HandPose, PoseAxisAngle, smplx};
 use xavatar_formats::{Array, ArrayMap, Error, Result, npy_bytes, write_atomically, write_pickle};
 use xavatar_mesh::write_ply;
 
@@ -20,7 +20,7 @@ use xavatar_mesh::write_ply;
 pub fn write_subject(
     folder: impl AsRef<Path>,
     gender: Gender,
-    betas: &[f32; 10],
+    betas: &[f32],
     frames: impl IntoIterator<Item = Result<ScanFrame>>,
 ) -> Result<()> {
     let folder = folder.as_ref();
@@ -34,9 +34,9 @@ pub fn write_subject(
 }
 
 /// Writes what is common to a subject's frames, in its folder.
-pub(crate) fn write_common(folder: &Path, gender: Gender, betas: &[f32; 10]) -> Result<()> {
+pub(crate) fn write_common(folder: &Path, gender: Gender, betas: &[f32]) -> Result<()> {
     write_atomically(&folder.join(GENDER_FILE), |writer| writeln!(writer, "{gender}"))?;
-    let shape = npy_bytes(&Array::from_f32(&[10], betas.to_vec()));
+    let shape = npy_bytes(&Array::from_f32(&[betas.len()], betas.to_vec()));
     write_atomically(&folder.join(SHAPE_FILE), |writer| writer.write_all(&shape))
 }
 
@@ -50,10 +50,10 @@ fn write_frame(subject: &Path, frame: &ScanFrame) -> Result<()> {
 /// Writes the registered parameters of a frame in the folder of its sequence.
 pub(crate) fn write_parameters(sequence: &Path, number: u32, parameters: &BodyParameters) -> Result<()> {
     create_folder(&sequence.join(PARAMETERS))?;
-    write_pickle(parameters_path(sequence, number), &parameter_arrays(parameters)?)
+    write_pickle(parameters_path(sequence, number), &parameter_arrays(parameters.smplx()?)?)
 }
 
-fn parameter_arrays(parameters: &BodyParameters) -> Result<ArrayMap> {
+fn parameter_arrays(parameters: &smplx::Parameters) -> Result<ArrayMap> {
     let vector = |name: &str, values: &[f32]| (name.to_owned(), Array::from_f32(&[values.len()], values.to_vec()));
     let pose = |name: &str, joints: &[PoseAxisAngle]| vector(name, &components(joints).collect::<Vec<_>>());
     Ok(ArrayMap::from([
@@ -70,7 +70,7 @@ fn parameter_arrays(parameters: &BodyParameters) -> Result<ArrayMap> {
     ]))
 }
 
-fn offsets_from_mean<'a>(name: &str, hand: &'a HandPose) -> Result<&'a [PoseAxisAngle; 15]> {
+fn offsets_from_mean<'a>(name: &str, hand: &'a HandPose) -> Result<&'a [PoseAxisAngle]> {
     let found = match hand {
         HandPose::RelativeToMean(offsets) => return Ok(offsets),
         HandPose::Flat(_) => "a pose relative to the flat hand",

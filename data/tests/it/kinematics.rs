@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use xavatar_body::{BodyParameters, HandPose, JOINTS, PARENTS, PoseAxisAngle};
+use xavatar_body::{HandPose, PoseAxisAngle, smplx};
 
 /// A bone of a file in a frame.
 #[derive(Clone, Copy)]
@@ -73,17 +73,21 @@ pub fn of_file(text: &str) -> Vec<BTreeMap<String, Bone>> {
 }
 
 /// The rotations of SMPL-X's joints in the world: those of all above a joint, composed.
-pub fn of_parameters(frame: &BodyParameters) -> [DQuat; JOINTS] {
-    let turns = rotations(frame);
-    let mut world = [DQuat::IDENTITY; JOINTS];
-    for joint in 0..JOINTS {
-        let own = DQuat::from_scaled_axis(turns[joint].0.as_dvec3());
-        world[joint] = if joint == 0 { own } else { world[PARENTS[joint]] * own };
+pub fn of_parameters(frame: &smplx::Parameters) -> Vec<DQuat> {
+    let mut world: Vec<DQuat> = Vec::new();
+    for (turn, parent) in rotations(frame).into_iter().zip(&smplx::skeleton().parents) {
+        let own = DQuat::from_scaled_axis(turn.0.as_dvec3());
+        world.push(parent.map_or(own, |parent| world[parent] * own));
     }
     world
 }
 
-fn rotations(frame: &BodyParameters) -> [PoseAxisAngle; JOINTS] {
+/// The name of a joint.
+pub fn name(joint: usize) -> &'static str {
+    &smplx::skeleton().joints[joint]
+}
+
+fn rotations(frame: &smplx::Parameters) -> [PoseAxisAngle; 55] {
     let hand = |hand: &HandPose| match hand {
         HandPose::Flat(joints) | HandPose::RelativeToMean(joints) => *joints,
         HandPose::Pca(_) => [PoseAxisAngle::default(); 15],

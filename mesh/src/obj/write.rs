@@ -5,8 +5,7 @@ use std::path::Path;
 
 use crate::texture::write_texture;
 use crate::{Colouring, TriangleMesh};
-use xavatar_formats::write_atomically;
-use xavatar_formats::{Error, Result};
+use xavatar_formats::{Error, Result, write_atomically};
 
 /// Writes an OBJ file; a textured mesh gets an MTL and a PNG of the same name beside it. Numbers are written so that
 /// reading them gives the same bits. Each file appears whole or not at all, the OBJ last.

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use crate::texture::write_texture;
 use crate::{Colouring, TriangleMesh};
-use xavatar_formats::Result;
-use xavatar_formats::write_atomically;
+use xavatar_formats::{Result, write_atomically};
 
 /// Writes a binary little-endian PLY with the mesh's normals and colours; it appears whole or not at all.
 ///

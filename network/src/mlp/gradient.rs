@@ -40,6 +40,14 @@ impl<T> SummedGradient<'_, T> {
     pub fn squared_norm(&self) -> f64 {
         self.squared_norm
     }
+
+    /// The gradient, flat, in the order of [`Mlp::layout`].
+    pub fn to_vec(&self) -> Vec<T>
+    where
+        T: Clone,
+    {
+        [&*self.table, &self.network].concat()
+    }
 }
 
 impl<T: Real> MlpGradient<T> {

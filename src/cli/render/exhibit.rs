@@ -1,12 +1,11 @@
 //! What stands in front of the camera in one pose: the avatar, its mesh in other colours, and the scan.
 
 use clap::ValueEnum;
-use xavatar::body::{PartLabels, Registration};
-use xavatar::fields::skeleton_parents;
+use xavatar::body::{PartLabels, Registration, Skeleton};
 use xavatar::mesh::camera::PinholeCamera;
 use xavatar::mesh::{Colouring, SurfaceIndex, TriangleMesh};
 use xavatar::render::{ColourMap, Scene, Tile, View, joint_colours, weight_colours, with_names, with_scale};
-use xavatar::report::{PART_NAMES, part_colours};
+use xavatar::report::{part_colours, part_names};
 
 /// A kind of picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -74,6 +73,8 @@ impl Panels {
 pub struct Exhibit {
     avatar: TriangleMesh,
     scan: Option<TriangleMesh>,
+    /// The body's parts and their colours.
+    part_names: Vec<(String, [u8; 3])>,
     /// The avatar's mesh in the colours of these panels.
     recoloured: Vec<(Panel, TriangleMesh)>,
     /// Of the vertices' distances to the scan, millimetres.
@@ -81,7 +82,8 @@ pub struct Exhibit {
 }
 
 impl Exhibit {
-    /// `weights` are those of the avatar's vertices; `body` is the posed body model, whose vertices' parts are `labels`.
+    /// `weights` are those of the avatar's vertices; `body` is the posed body model, whose vertices' parts are `labels`, on
+    /// `skeleton`.
     pub fn new(
         panels: &Panels,
         avatar: TriangleMesh,
@@ -89,6 +91,7 @@ impl Exhibit {
         scan: Option<TriangleMesh>,
         body: &[glam::Vec3],
         labels: &PartLabels,
+        skeleton: &Skeleton,
     ) -> xavatar::Result<Self> {
         let mut recoloured = Vec::new();
         let mut mean_error = 0.0;
@@ -101,7 +104,7 @@ impl Exhibit {
             add(Panel::Parts, avatar.vertices.iter().map(nearest).collect());
         }
         if let Some(weights) = weights.filter(|_| panels.has(Panel::Weights)) {
-            add(Panel::Weights, weight_colours(weights, &joint_colours(&skeleton_parents()))?);
+            add(Panel::Weights, weight_colours(weights, &joint_colours(&skeleton.parents))?);
         }
         if let Some(scan) = &scan {
             let distances = SurfaceIndex::new(scan)?.closest_to_each(&avatar.vertices);
@@ -110,7 +113,7 @@ impl Exhibit {
             let colour = |distance: &f32| ColourMap::Heat.colour(distance / panels.largest_error);
             add(Panel::Error, millimetres.iter().map(colour).collect());
         }
-        Ok(Self { avatar, scan, recoloured, mean_error })
+        Ok(Self { avatar, scan, part_names: part_names(skeleton), recoloured, mean_error })
     }
 
     /// All that has to be in the picture.
@@ -166,7 +169,7 @@ impl Scenes<'_> {
         let mut picture = scene.render(camera, view)?;
         let mut label = panel.name().to_owned();
         match panel {
-            Panel::Parts => picture = with_names(&picture, &PART_NAMES),
+            Panel::Parts => picture = with_names(&picture, &self.exhibit.part_names),
             Panel::Error => {
                 picture = with_scale(&picture, ColourMap::Heat, panels.largest_error, "mm");
                 label = format!("mean {:.1} mm", self.exhibit.mean_error);

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::bail;
 use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
-use xavatar::body::{BodyModel, BodyParameters, PartLabels};
+use xavatar::body::{BodyModel, PartLabels, Pose};
 use xavatar::data::{FrameSource, Subject};
 use xavatar::mesh::TriangleMesh;
 use xavatar::mesh::camera::{PinholeCamera, THREE_QUARTER, framing_row};
@@ -18,7 +18,7 @@ use xavatar::synthetic::DANCE;
 
 use self::cameras::{FilmCameras, Stance, turn};
 use self::exhibit::{Exhibit, Panel, Panels};
-use super::inputs::{Split, SubjectFrames, load_body};
+use super::inputs::{Split, SubjectFrames, body_of};
 use super::json::JsonArgument;
 use super::motion::MotionArguments;
 use super::progress::Progress;
@@ -34,7 +34,7 @@ const SCANS_PER_SECOND: f32 = 10.0;
 /// Picture an avatar: poses side by side as a PNG, a motion or a turntable as a film
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
-    xavatar render runs/00016 --body models/smplx --out dance.gif\n  \
+    xavatar render runs/demo --out dance.gif\n  \
     xavatar render runs/00016 --body models/smplx --turntable --view colour,normals,weights --out turntable.apng\n  \
     xavatar render runs/00016 --body models/smplx --motion walk.bvh --frames 1..90 --fps 25 --out walk.mp4\n  \
     xavatar render runs/00016 --body models/smplx --against data/00016 --out errors.png\n\n\
@@ -43,9 +43,9 @@ pub struct Render {
     /// An avatar.safetensors or a run's folder
     #[arg(value_name = "AVATAR")]
     avatar: PathBuf,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl
+    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl; the demo's avatar needs none
     #[arg(long, value_name = "BODY")]
-    body: PathBuf,
+    body: Option<PathBuf>,
     /// What to write: FILE.png, FILE.gif, FILE.apng, FILE.mp4 or a folder
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -58,7 +58,7 @@ pub struct Render {
     /// Hold the first pose (--frames chooses) and go once around it
     #[arg(long)]
     turntable: bool,
-    /// Show the scans of a subject, in the X-Humans layout, beside the avatar in the same poses, and how far they are apart
+    /// Show the scans of a subject beside the avatar in the same poses, and how far they are apart
     #[arg(long, value_name = "DATA", conflicts_with_all = ["motion", "up", "hands", "source_fps", "smooth"])]
     against: Option<PathBuf>,
     /// Which frames of --against
@@ -91,7 +91,7 @@ struct Rendered<'a> {
 
 /// A pose, and the scan that shows the same, by its place in the subject's frames.
 struct Moment {
-    parameters: BodyParameters,
+    pose: Pose,
     scan: Option<usize>,
 }
 
@@ -105,7 +105,7 @@ enum Poser<'a> {
 struct Studio<'a> {
     body: &'a BodyModel,
     labels: &'a PartLabels,
-    betas: [f32; 10],
+    betas: Vec<f32>,
     poser: Poser<'a>,
     scans: Option<SubjectFrames>,
     panels: Panels,
@@ -126,8 +126,8 @@ impl Render {
             }
         }
         let avatar = Avatar::load(&self.avatar)?;
-        let (body, labels) = load_body(&self.body, avatar.subject.gender)?;
-        let (scans, mut moments, rate) = self.moments(&avatar)?;
+        let (body, labels) = body_of(&avatar, self.body.as_deref())?;
+        let (scans, mut moments, rate) = self.moments(&avatar, &body)?;
         if self.turntable {
             moments.truncate(1);
         }
@@ -140,7 +140,7 @@ impl Render {
             false => Poser::Extracted(Box::new(Animator::new(&avatar, &body, &labels)?), self.resolution),
         };
         let panels = Panels::new(&self.view, self.against.is_some(), self.largest_error);
-        let betas = avatar.subject.betas;
+        let betas = avatar.subject.betas.clone();
         let studio = Studio { body: &body, labels: &labels, betas, poser, scans, panels };
         let stop = stop::on_interrupt()?;
         let mut progress = Progress::new();
@@ -161,19 +161,19 @@ impl Render {
     }
 
     /// The poses to be pictured, the scans that they are compared with, and how many a second.
-    fn moments(&self, avatar: &Avatar) -> anyhow::Result<(Option<SubjectFrames>, Vec<Moment>, f32)> {
+    fn moments(&self, avatar: &Avatar, body: &BodyModel) -> anyhow::Result<(Option<SubjectFrames>, Vec<Moment>, f32)> {
         let Some(data) = &self.against else {
             let clip = self.options.load(&self.motion, avatar)?;
             let rate = clip.frames_per_second;
-            let moments = clip.frames.into_iter().map(|parameters| Moment { parameters, scan: None }).collect();
+            let moments = clip.poses(Some(body))?.into_iter().map(|pose| Moment { pose, scan: None }).collect();
             return Ok((None, moments, rate));
         };
-        let subject = Subject::open(data)?;
+        let subject = Subject::open(data)?.settled(body)?;
         let files = self.split.files(&subject);
         let chosen = self.options.range_within(files.len())?;
         let frames = SubjectFrames::new(&subject, &files[chosen]);
         let moments = (0..frames.ids().len())
-            .map(|index| Ok(Moment { parameters: frames.read(index)?.parameters, scan: Some(index) }))
+            .map(|index| Ok(Moment { pose: body.resolve(&frames.read(index)?.parameters)?, scan: Some(index) }))
             .collect::<anyhow::Result<Vec<_>>>()?;
         if moments.is_empty() {
             bail!("{}: no frames in its {:?} split; choose another --split", data.display(), self.split);
@@ -228,11 +228,11 @@ impl Render {
         progress: &mut Progress,
     ) -> anyhow::Result<Option<usize>> {
         let stance = |moment: &Moment| {
-            let (body, pelvis) = studio.posed(&moment.parameters)?;
+            let (body, pelvis) = studio.posed(&moment.pose)?;
             Ok(Stance::new(&body, pelvis))
         };
         let (cameras, total) = if self.turntable {
-            let (body, _) = studio.posed(&moments[0].parameters)?;
+            let (body, _) = studio.posed(&moments[0].pose)?;
             (FilmCameras::around(&body, self.size)?, (TURN * rate).ceil() as usize)
         } else {
             let stances = moments.iter().map(stance).collect::<xavatar::Result<Vec<_>>>()?;
@@ -279,23 +279,23 @@ impl Render {
 }
 
 impl Studio<'_> {
-    /// The vertices and the pelvis of the body in the avatar's shape.
-    fn posed(&self, parameters: &BodyParameters) -> xavatar::Result<(Vec<glam::Vec3>, glam::Vec3)> {
-        let posed = self.body.pose(&BodyParameters { betas: self.betas, ..parameters.clone() })?;
+    /// The vertices and the root's joint of the body in the avatar's shape.
+    fn posed(&self, pose: &Pose) -> xavatar::Result<(Vec<glam::Vec3>, glam::Vec3)> {
+        let posed = self.body.pose(&pose.in_shape(&self.betas))?;
         Ok((posed.vertices, posed.joints[0]))
     }
 
     fn exhibit(&self, moment: &Moment) -> anyhow::Result<Exhibit> {
         let (mesh, weights) = match &self.poser {
-            Poser::Extracted(animator, resolution) => (animator.extract(&moment.parameters, *resolution)?.mesh, None),
-            Poser::Skinned(topology) => (topology.pose(&moment.parameters)?, Some(topology.weights())),
+            Poser::Extracted(animator, resolution) => (animator.extract(&moment.pose, *resolution)?.mesh, None),
+            Poser::Skinned(topology) => (topology.pose(&moment.pose)?, Some(topology.weights())),
         };
         let scan: Option<TriangleMesh> = match (&self.scans, moment.scan) {
             (Some(scans), Some(index)) => Some(scans.read(index)?.scan),
             _ => None,
         };
-        let (vertices, _) = self.posed(&moment.parameters)?;
-        Ok(Exhibit::new(&self.panels, mesh, weights, scan, &vertices, self.labels)?)
+        let (vertices, _) = self.posed(&moment.pose)?;
+        Ok(Exhibit::new(&self.panels, mesh, weights, scan, &vertices, self.labels, self.body.skeleton())?)
     }
 }
 

@@ -12,7 +12,7 @@ use super::flesh::Flesh;
 use super::model::Mannequin;
 use super::recipe::{Garment, Paint, Recipe, Wrinkle, joint_index, twin};
 use super::surface::Subdivision;
-use crate::body::{JOINTS, skin};
+use crate::body::skin;
 use crate::formats::Result;
 use crate::mesh::{Colouring, TriangleMesh};
 
@@ -55,9 +55,7 @@ impl DressedSurface {
         let bare = TriangleMesh { vertices: skin, faces: subdivision.faces.clone(), ..TriangleMesh::default() };
         let normals = bare.vertex_normals();
         let skin = bare.vertices;
-        let rows = subdivision.spread(&mannequin.weights, |a, b| {
-            std::array::from_fn::<f32, JOINTS, _>(|joint| (a[joint] + b[joint]) / 2.0)
-        });
+        let rows = subdivision.spread(&mannequin.weights, |a, b| a.iter().zip(b).map(|(a, b)| (a + b) / 2.0).collect());
         let views: Vec<LeftView> =
             (0..skin.len()).map(|vertex| LeftView::of(skin[vertex], normals[vertex], &rows[vertex])).collect();
 
@@ -71,7 +69,7 @@ impl DressedSurface {
                 creases.push(Crease::of(wrinkle, twin(joint), &mannequin.joints, &skin, &height));
             }
         }
-        Ok(Self { subdivision, skin, normals, weights: rows.into_flattened(), height, colours, creases })
+        Ok(Self { subdivision, skin, normals, weights: rows.concat(), height, colours, creases })
     }
 
     /// The scan of a body: `displacements` of its vertices from the template (V), its joints' turns (radians, J), its bone
@@ -79,7 +77,7 @@ impl DressedSurface {
     pub(super) fn posed(
         &self,
         displacements: &[Vec3],
-        angles: &[f32; JOINTS],
+        angles: &[f32],
         transforms: &[Affine3A],
         translation: Vec3,
     ) -> TriangleMesh {
@@ -109,7 +107,7 @@ impl DressedSurface {
 
 impl Crease {
     /// Only cloth creases: less where it is thin, and never into the skin by more than half of its height.
-    fn of(wrinkle: &Wrinkle, joint: usize, places: &[Vec3; JOINTS], skin: &[Vec3], height: &[f32]) -> Self {
+    fn of(wrinkle: &Wrinkle, joint: usize, places: &[Vec3], skin: &[Vec3], height: &[f32]) -> Self {
         let axis = Vec3::from(wrinkle.axis).normalize();
         let share = |vertex: &usize| {
             let offset = skin[*vertex] - places[joint];

@@ -5,7 +5,6 @@
 use glam::Vec3;
 
 use super::recipe::{Bulge, Move, Pull, joint_index, joint_set, twin};
-use crate::body::JOINTS;
 use crate::formats::Result;
 
 /// A vertex seen on the left side: its position, normal, and skinning weights with left and right exchanged if it was
@@ -13,16 +12,16 @@ use crate::formats::Result;
 pub(super) struct LeftView {
     pub(super) position: Vec3,
     pub(super) normal: Vec3,
-    pub(super) weights: [f32; JOINTS],
+    pub(super) weights: Vec<f32>,
     mirrored: bool,
 }
 
 impl LeftView {
-    pub(super) fn of(position: Vec3, normal: Vec3, weights: &[f32; JOINTS]) -> Self {
+    pub(super) fn of(position: Vec3, normal: Vec3, weights: &[f32]) -> Self {
         if position.x >= 0.0 {
-            return Self { position, normal, weights: *weights, mirrored: false };
+            return Self { position, normal, weights: weights.to_vec(), mirrored: false };
         }
-        let weights = std::array::from_fn(|joint| weights[twin(joint)]);
+        let weights = (0..weights.len()).map(|joint| weights[twin(joint)]).collect();
         Self { position: flip(position), normal: flip(normal), weights, mirrored: true }
     }
 
@@ -43,7 +42,8 @@ pub(super) fn shape_direction(moves: &[Move], vertices: &[LeftView]) -> Result<V
         let joints = joint_set(&step.joints)?;
         let (shift, stretch, about) = (Vec3::from(step.shift), Vec3::from(step.stretch), Vec3::from(step.about));
         for (displacement, view) in direction.iter_mut().zip(vertices) {
-            let held: f32 = view.weights.iter().zip(joints).filter(|(_, named)| *named).map(|(weight, _)| weight).sum();
+            let held: f32 =
+                view.weights.iter().zip(&joints).filter(|(_, named)| **named).map(|(weight, _)| weight).sum();
             let whole = shift + stretch * (view.position - about) + view.normal * step.inflate;
             *displacement += view.place(whole * held);
         }
@@ -51,10 +51,10 @@ pub(super) fn shape_direction(moves: &[Move], vertices: &[LeftView]) -> Result<V
     Ok(direction)
 }
 
-/// A direction of expression (V); eyeballs stay in place.
-pub(super) fn expression_direction(pulls: &[Pull], vertices: &[LeftView]) -> Vec<Vec3> {
+/// A direction of expression (V); what the joints of the eyes move stays in place.
+pub(super) fn expression_direction(pulls: &[Pull], eyes: [usize; 2], vertices: &[LeftView]) -> Vec<Vec3> {
     let displacement = |view: &LeftView| {
-        let eyeball = view.weights[23] + view.weights[24];
+        let eyeball = view.weights[eyes[0]] + view.weights[eyes[1]];
         let pulled =
             |pull: &Pull| Vec3::from(pull.shift) * falloff(view.position.distance(pull.at.into()), pull.radius);
         view.place(pulls.iter().map(pulled).sum::<Vec3>() * (1.0 - eyeball))
@@ -67,7 +67,7 @@ pub(super) fn expression_direction(pulls: &[Pull], vertices: &[LeftView]) -> Vec
 /// A turn by t has diagonal entries that sum to -2 (1 - cos t), whatever its axis.
 pub(super) fn bulge_direction(
     bulge: &Bulge,
-    places: &[Vec3; JOINTS],
+    places: &[Vec3],
     vertices: &[LeftView],
 ) -> Result<[(usize, Vec<Vec3>); 2]> {
     let joint = joint_index(&bulge.joint)?;

@@ -11,7 +11,7 @@ use crate::formats::Result;
 pub struct FilmedTake {
     frames: Vec<ScanFrame>,
     ids: Vec<FrameId>,
-    betas: [f32; 10],
+    betas: Vec<f32>,
 }
 
 impl BuiltInSubject {
@@ -23,7 +23,7 @@ impl BuiltInSubject {
         let frames: Vec<ScanFrame> =
             (0..count).into_par_iter().map(|index| self.frame(split, index, count)).collect::<Result<_>>()?;
         let ids = frames.iter().map(|frame| frame.id.clone()).collect();
-        Ok(FilmedTake { frames, ids, betas: self.betas() })
+        Ok(FilmedTake { frames, ids, betas: self.betas().to_vec() })
     }
 }
 
@@ -43,8 +43,8 @@ impl FrameSource for FilmedTake {
         Ok(self.frames[index].clone())
     }
 
-    fn betas(&self) -> [f32; 10] {
-        self.betas
+    fn betas(&self) -> &[f32] {
+        &self.betas
     }
 
     fn gender(&self) -> Gender {

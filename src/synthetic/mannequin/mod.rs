@@ -24,7 +24,7 @@ use self::flesh::Flesh;
 use self::model::Mannequin;
 use self::motion::{Take, joint_angles};
 use self::recipe::Recipe;
-use crate::body::{BodyModel, BodyParameters, Part, PartLabels};
+use crate::body::{BodyModel, BodyParameters, PartLabels, Role, smplx};
 use crate::data::{FrameId, ScanFrame};
 use crate::formats::ArrayMap;
 use crate::formats::Result;
@@ -47,7 +47,7 @@ pub struct BuiltInSubject {
     model: BodyModel,
     part_labels: PartLabels,
     surface: DressedSurface,
-    betas: [f32; 10],
+    betas: Vec<f32>,
     takes: [Take; 2],
 }
 
@@ -65,7 +65,7 @@ impl BuiltInSubject {
         Ok(Self {
             part_labels: part_labels(&recipe, &model, &mannequin.mesh.vertices),
             surface: DressedSurface::of(&recipe, &flesh, &mannequin)?,
-            betas: recipe.motion.betas,
+            betas: recipe.motion.betas.clone(),
             takes: [Take::of(&recipe, &recipe.motion.train)?, Take::of(&recipe, &recipe.motion.test)?],
             arrays,
             model,
@@ -88,19 +88,20 @@ impl BuiltInSubject {
     }
 
     /// The subject's shape.
-    pub fn betas(&self) -> [f32; 10] {
-        self.betas
+    pub fn betas(&self) -> &[f32] {
+        &self.betas
     }
 
     /// The registered parameters of frame `index` of a take that is filmed in `count` frames, evenly spaced.
     ///
     /// # Errors
     /// None for the embedded recipe; those of [`BodyModel::pose`].
-    pub fn parameters(&self, split: Split, index: usize, count: usize) -> Result<BodyParameters> {
+    pub fn parameters(&self, split: Split, index: usize, count: usize) -> Result<smplx::Parameters> {
         let time = index as f32 / count.saturating_sub(1).max(1) as f32;
         let mut parameters = self.takes[split as usize].parameters(time);
         // Feet on the floor y = 0, and a slow walk through the room.
-        let lowest = self.model.pose(&parameters)?.vertices.iter().map(|vertex| vertex.y).fold(f32::MAX, f32::min);
+        let pose = self.model.resolve(&parameters.clone().into())?;
+        let lowest = self.model.pose(&pose)?.vertices.iter().map(|vertex| vertex.y).fold(f32::MAX, f32::min);
         parameters.transl = Vec3::new(0.3 * (std::f32::consts::TAU * time).sin(), -lowest, 0.4 * time);
         Ok(parameters)
     }
@@ -110,27 +111,28 @@ impl BuiltInSubject {
     /// # Errors
     /// As [`parameters`](Self::parameters).
     pub fn frame(&self, split: Split, index: usize, count: usize) -> Result<ScanFrame> {
-        let parameters = self.parameters(split, index, count)?;
-        let transforms = self.model.pose(&parameters)?.bone_transforms;
+        let parameters = BodyParameters::from(self.parameters(split, index, count)?);
+        let pose = self.model.resolve(&parameters)?;
+        let transforms = self.model.pose(&pose)?.bone_transforms;
         let template = self.model.template();
-        let rest = self.model.rest_vertices(&parameters)?;
+        let rest = self.model.rest_vertices(&pose)?;
         let displacements: Vec<Vec3> = rest.iter().zip(template).map(|(shaped, mean)| *shaped - *mean).collect();
-        let scan = self.surface.posed(&displacements, &joint_angles(&parameters), &transforms, parameters.transl);
+        let scan = self.surface.posed(&displacements, &joint_angles(&pose), &transforms, pose.translation);
         let (split, sequence) = match split {
             Split::Train => ("train", "Take1"),
             Split::Test => ("test", "Take2"),
         };
         let id = FrameId { split: split.into(), sequence: sequence.into(), number: index as u32 + 1 };
-        Ok(ScanFrame { id, scan, parameters })
+        Ok(ScanFrame { id, scan, parameters, notes: Vec::new() })
     }
 }
 
 fn part_labels(recipe: &Recipe, model: &BodyModel, vertices: &[Vec3]) -> PartLabels {
-    let mut labels = PartLabels::from_skinning_weights(model.skinning_weights());
+    let mut labels = PartLabels::from_skinning_weights(model);
     for (vertex, place) in vertices.iter().enumerate() {
         let left = Vec3::new(place.x.abs(), place.y, place.z);
         let near = recipe.rig.eyes_mouth.iter().any(|ball| left.distance(ball.centre.into()) < ball.radius);
-        labels.eyes_mouth[vertex] |= near && labels.parts[vertex] == Part::Face;
+        labels.detail[vertex] |= near && model.skeleton().role(labels.parts[vertex]) == Role::Face;
     }
     labels
 }

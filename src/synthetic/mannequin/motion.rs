@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::model::closed_hand;
 use super::recipe::{KeyPose, Recipe, joint_index, malformed, twin};
-use crate::body::{BodyParameters, HandPose, JOINTS, PoseAxisAngle};
+use crate::body::{self, Fingers, HandPose, PoseAxisAngle, smplx};
 use crate::formats::Result;
 
 /// Turns of the eyes per turn of the head: the gaze leads.
@@ -15,17 +15,20 @@ const GAZE: f32 = 0.5;
 /// A sequence of key poses.
 pub(super) struct Take {
     poses: Vec<Pose>,
-    betas: [f32; 10],
-    fist: [[f32; 45]; 2],
+    betas: Vec<f32>,
+    fist: [Fingers; 2],
     relaxed: f32,
+    /// The joint that the gaze follows.
+    head: usize,
 }
 
 /// A point between key poses.
 #[derive(Clone)]
 struct Pose {
-    turns: [Vec3; 23],
+    /// Of every joint; those of hands and eyes are zero.
+    turns: Vec<Vec3>,
     hands: [f32; 2],
-    expression: [f32; 10],
+    expression: Vec<f32>,
 }
 
 impl Take {
@@ -33,30 +36,28 @@ impl Take {
     pub(super) fn of(recipe: &Recipe, names: &[String]) -> Result<Self> {
         let poses = names.iter().map(|name| Pose::named(recipe, name)).collect::<Result<Vec<_>>>()?;
         let fist = [1.0, -1.0].map(|sign| closed_hand(&recipe.hands, sign));
-        Ok(Self { poses, betas: recipe.motion.betas, fist, relaxed: recipe.hands.relaxed })
+        let (betas, relaxed, head) = (recipe.motion.betas.clone(), recipe.hands.relaxed, joint_index("head")?);
+        Ok(Self { poses, betas, fist, relaxed, head })
     }
 
     /// The parameters at `time` from 0 to 1; hands are relative to the mean, as in X-Humans.
-    pub(super) fn parameters(&self, time: f32) -> BodyParameters {
+    pub(super) fn parameters(&self, time: f32) -> smplx::Parameters {
         let place = time.clamp(0.0, 1.0) * (self.poses.len() - 1) as f32;
         let first = (place as usize).min(self.poses.len() - 2);
         let pose = self.poses[first].towards(&self.poses[first + 1], place - first as f32);
         let hand = |side: usize| {
-            let closed = self.fist[side].map(|angle| angle * (pose.hands[side] - self.relaxed));
-            HandPose::RelativeToMean(std::array::from_fn(|joint| PoseAxisAngle(Vec3::from_slice(&closed[joint * 3..]))))
+            let share = pose.hands[side] - self.relaxed;
+            HandPose::RelativeToMean(self.fist[side].map(|turn| PoseAxisAngle(turn.0 * share)))
         };
-        let gaze = PoseAxisAngle(Vec3::new(0.0, pose.turns[15].y * GAZE, 0.0));
-        BodyParameters {
-            betas: self.betas,
-            expression: pose.expression,
-            global_orient: PoseAxisAngle(pose.turns[0]),
-            body_pose: std::array::from_fn(|joint| PoseAxisAngle(pose.turns[joint + 1])),
-            jaw_pose: PoseAxisAngle(pose.turns[22]),
+        let gaze = PoseAxisAngle(Vec3::new(0.0, pose.turns[self.head].y * GAZE, 0.0));
+        let rotations = pose.turns.iter().copied().map(PoseAxisAngle).collect();
+        let (shape, expression) = (self.betas.clone(), pose.expression.clone());
+        smplx::Parameters {
             left_eye_pose: gaze,
             right_eye_pose: gaze,
             left_hand_pose: hand(0),
             right_hand_pose: hand(1),
-            transl: Vec3::ZERO,
+            ..smplx::Parameters::from(&body::Pose { rotations, shape, expression, translation: Vec3::ZERO })
         }
     }
 }
@@ -70,14 +71,18 @@ impl Pose {
     }
 
     fn of(recipe: &Recipe, key: &KeyPose) -> Result<Self> {
-        let mut turns = [Vec3::ZERO; 23];
+        let skeleton = smplx::skeleton();
+        let mut turns = vec![Vec3::ZERO; skeleton.joints.len()];
         turns[0] = Vec3::Y * key.yaw;
-        turns[22] = Vec3::X * key.jaw;
+        turns[joint_index("jaw")?] = Vec3::X * key.jaw;
         for (name, turn) in &key.turns {
             let joint = joint_index(name)?;
-            *turns.get_mut(joint).ok_or_else(|| malformed(name, "a hand joint", "a body joint"))? = Vec3::from(*turn);
+            if !skeleton.conditioning.contains(&joint) {
+                return Err(malformed(name, "a joint of root, face or hands", "a body joint"));
+            }
+            turns[joint] = Vec3::from(*turn);
         }
-        let mut expression = [0.0; 10];
+        let mut expression = vec![0.0; smplx::EXPRESSIONS];
         for (name, amount) in &key.expression {
             let index = recipe.expressions.iter().position(|known| known.name == *name);
             let slot = index.and_then(|index| expression.get_mut(index));
@@ -88,26 +93,25 @@ impl Pose {
 
     fn mirrored(&self) -> Self {
         let mirror = |joint: usize| self.turns[twin(joint)] * Vec3::new(1.0, -1.0, -1.0);
-        let turns = std::array::from_fn(mirror);
-        Self { turns, hands: [self.hands[1], self.hands[0]], expression: self.expression }
+        let turns = (0..self.turns.len()).map(mirror).collect();
+        Self { turns, hands: [self.hands[1], self.hands[0]], expression: self.expression.clone() }
     }
 
     fn towards(&self, next: &Self, share: f32) -> Self {
         let between = |from: f32, to: f32| from + (to - from) * share;
         Self {
-            turns: std::array::from_fn(|joint| self.turns[joint].lerp(next.turns[joint], share)),
+            turns: self.turns.iter().zip(&next.turns).map(|(from, to)| from.lerp(*to, share)).collect(),
             hands: std::array::from_fn(|side| between(self.hands[side], next.hands[side])),
-            expression: std::array::from_fn(|index| between(self.expression[index], next.expression[index])),
+            expression: self.expression.iter().zip(&next.expression).map(|(from, to)| between(*from, *to)).collect(),
         }
     }
 }
 
-/// How far each joint is turned, radians; hands and eyes are left at 0.
-pub(super) fn joint_angles(parameters: &BodyParameters) -> [f32; JOINTS] {
-    std::array::from_fn(|joint| match joint {
-        1..=21 => parameters.body_pose[joint - 1].0.length(),
-        _ => 0.0,
-    })
+/// How far each joint of the body is turned, radians (J); root, face and hands are left at 0.
+pub(super) fn joint_angles(pose: &body::Pose) -> Vec<f32> {
+    let mut angles = vec![0.0; pose.rotations.len()];
+    smplx::skeleton().conditioning.iter().for_each(|joint| angles[*joint] = pose.rotations[*joint].0.length());
+    angles
 }
 
 #[cfg(test)]
@@ -119,8 +123,12 @@ mod tests {
         let subject = crate::synthetic::BuiltInSubject::new().unwrap();
         let recipe = Recipe::embedded().unwrap();
         let take = Take::of(&recipe, &["wave".into(), "~wave".into()]).unwrap();
-        let [pose, mirrored] = [0.0, 1.0].map(|time| subject.model().pose(&take.parameters(time)).unwrap().joints);
-        for joint in 0..JOINTS {
+        let model = subject.model();
+        let [pose, mirrored] = [0.0, 1.0].map(|time| {
+            let pose = model.resolve(&take.parameters(time).into()).unwrap();
+            model.pose(&pose).unwrap().joints
+        });
+        for joint in 0..pose.len() {
             let image = pose[twin(joint)] * Vec3::new(-1.0, 1.0, 1.0);
             // The right side of the skin is meshed on its own: shaped joints agree to a fraction of a triangle.
             assert!(mirrored[joint].distance(image) < 2e-3, "joint {joint}");

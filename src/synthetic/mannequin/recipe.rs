@@ -5,7 +5,7 @@
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-use crate::body::{JOINT_NAMES, JOINTS, PARENTS};
+use crate::body::smplx;
 use crate::formats::{Error, Result};
 use glam::Vec3;
 
@@ -229,7 +229,7 @@ pub(super) struct Wrinkle {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Motion {
-    pub(super) betas: [f32; 10],
+    pub(super) betas: Vec<f32>,
     pub(super) train: Vec<String>,
     pub(super) test: Vec<String>,
 }
@@ -255,38 +255,35 @@ impl Recipe {
     }
 
     /// The rest position of each joint (J).
-    pub(super) fn joint_positions(&self) -> Result<[Vec3; JOINTS]> {
-        let mut positions = [Vec3::ZERO; JOINTS];
-        for (position, name) in positions.iter_mut().zip(JOINT_NAMES) {
+    pub(super) fn joint_positions(&self) -> Result<Vec<Vec3>> {
+        let position = |name: &String| {
             let (written, sign) = match name.strip_prefix("right_") {
                 Some(side) => (format!("left_{side}"), -1.0),
-                None => (name.to_owned(), 1.0),
+                None => (name.clone(), 1.0),
             };
             let [x, y, z] = self.joints.get(&written).ok_or_else(|| malformed(&written, "absent", "a position"))?;
-            *position = Vec3::new(sign * x, *y, *z);
-        }
-        Ok(positions)
+            Ok(Vec3::new(sign * x, *y, *z))
+        };
+        smplx::skeleton().joints.iter().map(position).collect()
     }
 }
 
 /// The index of a joint by its name.
 pub(super) fn joint_index(name: &str) -> Result<usize> {
-    let known = JOINT_NAMES.iter().position(|joint| *joint == name);
-    known.ok_or_else(|| malformed("a joint", format!("{name:?}"), "a joint of SMPL-X"))
+    smplx::skeleton().joint(name).ok_or_else(|| malformed("a joint", format!("{name:?}"), "a joint of SMPL-X"))
 }
 
 /// The joints that a move names: `name`, or `name*` for a joint and all below it.
-pub(super) fn joint_set(names: &[String]) -> Result<[bool; JOINTS]> {
-    let mut set = [false; JOINTS];
+pub(super) fn joint_set(names: &[String]) -> Result<Vec<bool>> {
+    let parents = &smplx::skeleton().parents;
+    let mut set = vec![false; parents.len()];
     for name in names {
         match name.strip_suffix('*') {
             None => set[joint_index(name)?] = true,
             Some(name) => {
                 let top = joint_index(name)?;
-                let mut below = [false; JOINTS];
-                for joint in 0..JOINTS {
-                    below[joint] = joint == top || joint > 0 && below[PARENTS[joint]];
-                    set[joint] |= below[joint];
+                for (joint, named) in set.iter_mut().enumerate() {
+                    *named |= std::iter::successors(Some(joint), |joint| parents[*joint]).any(|above| above == top);
                 }
             }
         }
@@ -296,13 +293,13 @@ pub(super) fn joint_set(names: &[String]) -> Result<[bool; JOINTS]> {
 
 /// The joint on the other side; a middle joint is its own twin.
 pub(super) fn twin(joint: usize) -> usize {
-    let name = JOINT_NAMES[joint];
+    let name = smplx::skeleton().joints[joint].as_str();
     let other = match (name.strip_prefix("left_"), name.strip_prefix("right_")) {
         (Some(side), _) => format!("right_{side}"),
         (_, Some(side)) => format!("left_{side}"),
         _ => return joint,
     };
-    JOINT_NAMES.iter().position(|joint| *joint == other).unwrap_or(joint)
+    smplx::skeleton().joint(&other).unwrap_or(joint)
 }
 
 pub(super) fn malformed(place: &str, found: impl Into<String>, expected: &str) -> Error {
@@ -322,7 +319,7 @@ mod tests {
     #[test]
     fn twins_are_each_others_and_stand_opposite() {
         let positions = Recipe::embedded().unwrap().joint_positions().unwrap();
-        for joint in 0..JOINTS {
+        for joint in 0..positions.len() {
             assert_eq!(twin(twin(joint)), joint);
             assert_eq!(positions[twin(joint)] * Vec3::new(-1.0, 1.0, 1.0), positions[joint]);
         }
@@ -333,11 +330,11 @@ mod tests {
     fn a_star_takes_all_joints_below() {
         let set = |names: &[&str]| {
             let named = joint_set(&names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>()).unwrap();
-            (0..JOINTS).filter(|joint| named[*joint]).collect::<Vec<_>>()
+            (0..named.len()).filter(|joint| named[*joint]).collect::<Vec<_>>()
         };
         assert_eq!(set(&["left_hip*"]), [1, 4, 7, 10]);
         assert_eq!(set(&["head*", "neck"]), [12, 15, 22, 23, 24]);
-        assert_eq!(set(&["pelvis*"]).len(), JOINTS);
+        assert_eq!(set(&["pelvis*"]).len(), smplx::skeleton().joints.len());
         assert!(joint_set(&["tail".into()]).unwrap_err().to_string().contains("\"tail\""));
     }
 }

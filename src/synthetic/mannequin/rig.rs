@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::flesh::Flesh;
 use super::surface::neighbours;
-use crate::body::{JOINTS, PARENTS};
+use crate::body::smplx;
 use crate::mesh::TriangleMesh;
 
 /// Weights below are dropped, and the rest scaled to sum to 1.
@@ -19,11 +19,10 @@ const REGRESSED_FROM: usize = 64;
 const EYEBALL: [usize; 2] = [7, 12];
 
 /// One row of J weights a vertex.
-pub(super) type WeightRows = Vec<[f32; JOINTS]>;
+pub(super) type WeightRows = Vec<Vec<f32>>;
 
 /// The skinning weights of the skin's vertices.
 pub(super) fn skinning_weights(flesh: &Flesh, skin: &TriangleMesh, rounds: usize) -> WeightRows {
-    let one_hot = |joint: usize| std::array::from_fn(|other| if other == joint { 1.0 } else { 0.0 });
     let mut rows: WeightRows = skin.vertices.par_iter().map(|vertex| one_hot(flesh.joint_at(*vertex))).collect();
     let neighbours = neighbours(skin.vertices.len(), &skin.faces);
     for _ in 0..rounds {
@@ -32,7 +31,7 @@ pub(super) fn skinning_weights(flesh: &Flesh, skin: &TriangleMesh, rounds: usize
             .enumerate()
             .map(|(vertex, around)| {
                 let share = 1.0 / (around.len() + 1) as f32;
-                let mut mean = rows[vertex].map(|weight| weight * share);
+                let mut mean: Vec<f32> = rows[vertex].iter().map(|weight| weight * share).collect();
                 for other in around {
                     mean.iter_mut().zip(&rows[*other as usize]).for_each(|(sum, weight)| *sum += weight * share);
                 }
@@ -40,11 +39,17 @@ pub(super) fn skinning_weights(flesh: &Flesh, skin: &TriangleMesh, rounds: usize
             })
             .collect();
     }
-    rows.iter_mut().for_each(normalise);
+    rows.iter_mut().for_each(|row| normalise(row));
     rows
 }
 
-fn normalise(row: &mut [f32; JOINTS]) {
+/// All weight on one joint.
+pub(super) fn one_hot(joint: usize) -> Vec<f32> {
+    let joints = 0..smplx::skeleton().joints.len();
+    joints.map(|other| if other == joint { 1.0 } else { 0.0 }).collect()
+}
+
+fn normalise(row: &mut [f32]) {
     row.iter_mut().filter(|weight| **weight < SMALLEST_WEIGHT).for_each(|weight| *weight = 0.0);
     let sum: f32 = row.iter().sum();
     row.iter_mut().for_each(|weight| *weight /= sum);
@@ -87,8 +92,9 @@ pub(super) fn add_eyeball(mesh: &mut TriangleMesh, centre: Vec3, radius: f32) ->
 /// sum w = 1 and sum w v = joint exactly.
 ///
 /// With D = diag(w0) and A the rows [1 x y z]: w = w0 + D A^T (A D A^T)^-1 (b - A w0).
-pub(super) fn regressor_row(joint: usize, place: Vec3, vertices: &[Vec3], weights: &[[f32; JOINTS]]) -> Vec<f64> {
-    let held = |vertex: usize| weights[vertex][joint] + weights[vertex][PARENTS[joint]] > 0.2;
+pub(super) fn regressor_row(joint: usize, place: Vec3, vertices: &[Vec3], weights: &[Vec<f32>]) -> Vec<f64> {
+    let parent = smplx::skeleton().parents[joint].unwrap_or(joint);
+    let held = |vertex: usize| weights[vertex][joint] + weights[vertex][parent] > 0.2;
     let mut near: Vec<(f32, usize)> = (0..vertices.len())
         .filter(|vertex| held(*vertex))
         .map(|vertex| (vertices[vertex].distance(place), vertex))
@@ -138,7 +144,7 @@ mod tests {
     fn a_regressor_row_gives_the_joint_back() {
         let mut mesh = TriangleMesh::default();
         add_eyeball(&mut mesh, Vec3::ZERO, 0.5);
-        let weights = vec![std::array::from_fn(|joint| if joint == 4 { 1.0 } else { 0.0 }); mesh.vertices.len()];
+        let weights = vec![one_hot(4); mesh.vertices.len()];
         for place in [Vec3::ZERO, Vec3::new(0.1, -0.2, 0.05)] {
             let row = regressor_row(4, place, &mesh.vertices, &weights);
             assert!((row.iter().sum::<f64>() - 1.0).abs() < 1e-12);

@@ -71,11 +71,11 @@ impl Subdivision {
     }
 
     /// What the mesh's vertices have, for all vertices: halfway between on each halved edge.
-    pub(super) fn spread<T: Copy>(&self, values: &[T], middle: impl Fn(T, T) -> T) -> Vec<T> {
+    pub(super) fn spread<T: Clone>(&self, values: &[T], middle: impl Fn(&T, &T) -> T) -> Vec<T> {
         let mut spread = values[..self.original].to_vec();
         spread.reserve(self.halves.len());
         for [a, b] in &self.halves {
-            spread.push(middle(spread[*a as usize], spread[*b as usize]));
+            spread.push(middle(&spread[*a as usize], &spread[*b as usize]));
         }
         spread
     }

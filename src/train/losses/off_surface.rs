@@ -1,93 +1,84 @@
-//! Terms of points beside the surface: occupancy or distance, and what they tell the skinning field; points on bones.
+//! Points beside the surface: occupancy or distance, and what they tell the skinning field.
 
-use std::ops::Range;
-
-use xavatar_deformer::{deform_backward, root_cotangents};
 use xavatar_network::{Backward, Real, Representation};
 
-use super::pointwise::{clear, cross_entropy, sign, truncated_error};
-use super::{Buffers, Frame, Worker};
+use super::kernel::{Kernel, Term};
+use super::pointwise::{cross_entropy, sign, truncated_error};
+use super::worker::{Frame, Worker};
 use crate::Result;
-use crate::fields::Skinning;
 
-impl<T: Real> Worker<T> {
-    pub(super) fn off_surface(
-        &mut self,
-        frame: &Frame<T>,
-        points: &[[T; 3]],
-        targets: &[T],
-        implicit: bool,
-    ) -> Result<()> {
-        let Frame { fields, batch, losses, .. } = frame;
-        let total = batch.off_points.len() + batch.far_points.len();
-        fields.geometry.mlp.forward(&mut self.geometry, points.as_flattened(), frame.embedded, &[]);
-        self.buffers.values.clear();
-        let outputs = self.geometry.output().iter().zip(targets);
-        let mut sum = 0.0;
-        match fields.geometry.representation {
-            Representation::Occupancy => {
-                let factor = frame.factor(losses.occupancy, total);
-                self.buffers.values.extend(outputs.map(|(logit, target)| {
-                    let (loss, slope) = cross_entropy(*logit, *target);
-                    sum += loss.wide();
-                    factor * slope
-                }));
-                self.add_term("occupancy", sum, total);
-            }
-            Representation::SignedDistance => {
-                let (factor, truncation) = (frame.factor(losses.distance, total), T::of(losses.truncation));
-                self.buffers.values.extend(outputs.map(|(distance, target)| {
-                    let error = truncated_error(*distance, *target, truncation);
-                    sum += error.abs().wide();
-                    factor * sign(error)
-                }));
-                self.add_term("distance", sum, total);
-            }
+const OCCUPANCY: Term = Term { name: "occupancy", weight: |losses| losses.occupancy };
+pub(super) const DISTANCE: Term = Term { name: "distance", weight: |losses| losses.distance };
+
+/// At captured points.
+pub(super) fn captured<T: Real>() -> Kernel<T> {
+    Kernel {
+        terms: &[OCCUPANCY, DISTANCE],
+        points: |batch| batch.off_points.len(),
+        run: |worker, frame, rows| {
+            let batch = frame.batch;
+            let (points, targets) = (&batch.off_points[rows.clone()], &batch.off_targets[rows.clone()]);
+            off_surface(worker, frame, points, targets, batch.implicit_gradient.then_some(rows.start))
+        },
+    }
+}
+
+/// At points that are far from the surface.
+pub(super) fn far<T: Real>() -> Kernel<T> {
+    Kernel {
+        terms: &[OCCUPANCY, DISTANCE],
+        points: |batch| batch.anchors.far_points.len(),
+        run: |worker, frame, rows| {
+            let anchors = &frame.batch.anchors;
+            off_surface(worker, frame, &anchors.far_points[rows.clone()], &anchors.far_targets[rows], None)
+        },
+    }
+}
+
+/// Where the points are roots of the search, of which the first is number `first_root`, their cotangents go on to the skinning field.
+fn off_surface<T: Real>(
+    worker: &mut Worker<T>,
+    frame: &Frame<T>,
+    points: &[[T; 3]],
+    targets: &[T],
+    first_root: Option<usize>,
+) -> Result<()> {
+    let Frame { fields, batch, losses, .. } = frame;
+    let total = batch.off_points.len() + batch.anchors.far_points.len();
+    fields.geometry.mlp.forward(&mut worker.geometry, points.as_flattened(), frame.embedded, &[]);
+    worker.buffers.values.clear();
+    let outputs = worker.geometry.output().iter().zip(targets);
+    let mut sum = 0.0;
+    match fields.geometry.representation {
+        Representation::Occupancy => {
+            let factor = frame.factor(&OCCUPANCY, total);
+            worker.buffers.values.extend(outputs.map(|(logit, target)| {
+                let (loss, slope) = cross_entropy(*logit, *target);
+                sum += loss.wide();
+                factor * slope
+            }));
+            worker.add_term(&OCCUPANCY, sum, total);
         }
-        if !implicit && self.buffers.values.iter().all(|cotangent| *cotangent == T::zero()) {
-            // Beyond the truncation on the right side, as far points soon are.
-            return Ok(());
+        Representation::SignedDistance => {
+            let (factor, truncation) = (frame.factor(&DISTANCE, total), T::of(losses.truncation));
+            worker.buffers.values.extend(outputs.map(|(distance, target)| {
+                let error = truncated_error(*distance, *target, truncation);
+                sum += error.abs().wide();
+                factor * sign(error)
+            }));
+            worker.add_term(&DISTANCE, sum, total);
         }
-        let wanted = if implicit { Backward::ParametersAndPoints } else { Backward::Parameters };
-        let Self { geometry, gradients, buffers, .. } = self;
-        let on_embedded = fields.geometry.mlp.backward(geometry, &buffers.values, None, wanted, &mut gradients[0]);
-        self.add_embedded(&on_embedded);
-        if implicit { self.implicit_gradient(frame, points) } else { Ok(()) }
     }
-
-    /// Carries the cotangent of roots x_c, left in the geometry's trace, to the skinning network: -J^-T x_c_bar on d_w at fixed x_c.
-    fn implicit_gradient(&mut self, frame: &Frame<T>, points: &[[T; 3]]) -> Result<()> {
-        let Skinning::Network(field) = &frame.fields.skinning else { return Ok(()) };
-        self.skin(frame, points)?;
-        let Self { geometry, skinning, gradients, buffers, .. } = self;
-        let Buffers { transforms, jacobians, normal_cotangents, point_cotangents, weight_cotangents, .. } = buffers;
-        clear(normal_cotangents, points.len(), [T::zero(); 3]);
-        root_cotangents(jacobians, geometry.point_cotangent().as_chunks().0, normal_cotangents)?;
-        clear(weight_cotangents, points.len() * frame.batch.bones.len(), T::zero());
-        clear(point_cotangents, points.len(), [T::zero(); 3]);
-        let bones = &frame.batch.bones;
-        deform_backward(transforms, bones, points, normal_cotangents, weight_cotangents, point_cotangents)?;
-        field.backward(skinning, weight_cotangents, None, Backward::Parameters, &mut gradients[2]);
-        Ok(())
+    if first_root.is_none() && worker.buffers.values.iter().all(|cotangent| *cotangent == T::zero()) {
+        // Beyond the truncation on the right side, as far points soon are.
+        return Ok(());
     }
-
-    pub(super) fn bone(&mut self, frame: &Frame<T>, rows: Range<usize>) {
-        let Frame { fields, batch, losses, .. } = frame;
-        let total = batch.bone_points.len();
-        let factor = frame.factor(losses.bone, total);
-        let outward = T::of(fields.geometry.representation.outward().into());
-        let network = &fields.geometry.mlp;
-        network.forward(&mut self.geometry, batch.bone_points[rows].as_flattened(), frame.embedded, &[]);
-        let mut sum = 0.0;
-        self.buffers.values.clear();
-        self.buffers.values.extend(self.geometry.output().iter().map(|value| {
-            let (loss, slope) = cross_entropy(-outward * *value, T::one());
-            sum += loss.wide();
-            -outward * factor * slope
-        }));
-        let Self { geometry, gradients, buffers, .. } = self;
-        let on_embedded = network.backward(geometry, &buffers.values, None, Backward::Parameters, &mut gradients[0]);
-        self.add_embedded(&on_embedded);
-        self.add_term("bone", sum, total);
-    }
+    let wanted = if first_root.is_some() { Backward::ParametersAndPoints } else { Backward::Parameters };
+    let Worker { geometry, gradients, buffers, .. } = worker;
+    let on_embedded = fields.geometry.mlp.backward(geometry, &buffers.values, None, wanted, &mut gradients.geometry);
+    worker.add_embedded(&on_embedded);
+    let Some(first) = first_root else { return Ok(()) };
+    let Worker { geometry, skinning, gradients, .. } = worker;
+    let cotangents = geometry.point_cotangent().as_chunks().0;
+    fields.skinning.roots_backward(skinning, &batch.bones, (first, points), cotangents, &mut gradients.skinning)
 }

@@ -13,13 +13,13 @@ use crate::data::FrameId;
 use crate::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
 use crate::{Error, InputError, Result};
 
-/// Writes a frame.
+/// Writes a frame whose pose is resolved.
 pub(super) fn write(path: &Path, frame: &CapturedFrame) -> Result<()> {
     let mut arrays = match frame {
         CapturedFrame::Scan(frame) => scan::to_arrays(frame),
         CapturedFrame::Rgbd(capture) => rgbd::to_arrays(capture),
     };
-    parameters::insert(&mut arrays, frame.parameters());
+    parameters::insert(&mut arrays, &frame.parameters().absolute()?);
     Ok(write_npz(path, &arrays)?)
 }
 
@@ -28,7 +28,7 @@ pub(super) fn read(path: &Path, id: &FrameId) -> Result<CapturedFrame> {
     let read = || {
         let arrays = read_npz(path)?;
         let stored = Stored { path, arrays: &arrays };
-        let parameters = parameters::of(&stored)?;
+        let parameters = parameters::of(&stored)?.into();
         Ok(match arrays.contains_key(rgbd::CAMERA) {
             true => CapturedFrame::Rgbd(Box::new(rgbd::of(&stored, id.clone(), parameters)?)),
             false => CapturedFrame::Scan(Box::new(scan::of(&stored, id.clone(), parameters)?)),
@@ -111,7 +111,7 @@ mod tests {
 
     use super::super::captured::RgbdCapture;
     use super::*;
-    use crate::body::{BodyParameters, HandPose, PoseAxisAngle};
+    use crate::body::{BodyParameters, smplx};
     use crate::data::{BACKGROUND, RgbdFrame, ScanFrame};
     use crate::mesh::camera::PinholeCamera;
     use crate::mesh::{Colouring, TriangleMesh};
@@ -121,12 +121,11 @@ mod tests {
     }
 
     fn parameters() -> BodyParameters {
-        let mut parameters = BodyParameters { transl: Vec3::new(1.0, 2.0, 3.0), ..BodyParameters::default() };
-        parameters.body_pose[20].0 = Vec3::new(0.1, 0.2, 0.3);
-        parameters.right_eye_pose.0.x = -0.5;
-        parameters.left_hand_pose = HandPose::Pca(vec![0.5; 6]);
-        parameters.right_hand_pose = HandPose::RelativeToMean([PoseAxisAngle(Vec3::Y); 15]);
-        parameters
+        let mut pose = smplx::skeleton().canonical_pose(&[0.5, -1.0]);
+        pose.rotations[21].0 = Vec3::new(0.1, 0.2, 0.3);
+        pose.expression = vec![0.25; 3];
+        pose.translation = Vec3::new(1.0, 2.0, 3.0);
+        pose.into()
     }
 
     fn read_back(frame: &CapturedFrame) -> CapturedFrame {
@@ -145,7 +144,7 @@ mod tests {
             normals: Some(vec![Vec3::Z; 3]),
             colouring: Colouring::Texture { uvs: vec![Vec2::new(0.25, 0.5); 3], image: Arc::new(image) },
         };
-        let frame = ScanFrame { id: id(), scan, parameters: parameters() };
+        let frame = ScanFrame { id: id(), scan, parameters: parameters(), notes: Vec::new() };
         let CapturedFrame::Scan(read) = read_back(&CapturedFrame::Scan(Box::new(frame.clone()))) else {
             panic!("not a scan")
         };

@@ -1,62 +1,26 @@
-//! Body parameters as arrays, hands in the convention that they came in.
+//! A frame's body as arrays: its pose, resolved on the run's body model.
 
 use super::{Stored, rows};
 use crate::Result;
-use crate::body::{BodyParameters, HandPose, PoseAxisAngle};
+use crate::body::{Pose, PoseAxisAngle};
 use crate::formats::{Array, ArrayMap};
 
-pub(super) fn insert(arrays: &mut ArrayMap, parameters: &BodyParameters) {
-    let joints = [parameters.global_orient].into_iter().chain(parameters.body_pose).chain([
-        parameters.jaw_pose,
-        parameters.left_eye_pose,
-        parameters.right_eye_pose,
-    ]);
+pub(super) fn insert(arrays: &mut ArrayMap, pose: &Pose) {
+    let numbers = |values: &[f32]| Array::from_f32(&[values.len()], values.to_vec());
     arrays.extend([
-        ("transl".to_owned(), rows([parameters.transl])),
-        ("betas".to_owned(), Array::from_f32(&[10], parameters.betas.to_vec())),
-        ("expression".to_owned(), Array::from_f32(&[10], parameters.expression.to_vec())),
-        ("joints".to_owned(), rows(joints.map(|joint| joint.0))),
+        ("rotations".to_owned(), rows(pose.rotations.iter().map(|rotation| rotation.0))),
+        ("shape".to_owned(), numbers(&pose.shape)),
+        ("expression".to_owned(), numbers(&pose.expression)),
+        ("translation".to_owned(), rows([pose.translation])),
     ]);
-    for (name, hand) in [("left", &parameters.left_hand_pose), ("right", &parameters.right_hand_pose)] {
-        let (convention, values) = match hand {
-            HandPose::Flat(joints) => ("flat", rows(joints.map(|joint| joint.0))),
-            HandPose::RelativeToMean(joints) => ("relative_to_mean", rows(joints.map(|joint| joint.0))),
-            HandPose::Pca(coefficients) => ("pca", Array::from_f32(&[coefficients.len()], coefficients.clone())),
-        };
-        arrays.insert(format!("{name}_hand.{convention}"), values);
-    }
 }
 
-pub(super) fn of(stored: &Stored) -> Result<BodyParameters> {
-    let joints: Vec<PoseAxisAngle> = stored.points("joints")?.into_iter().map(PoseAxisAngle).collect();
-    let [global_orient, body_pose @ .., jaw_pose, left_eye_pose, right_eye_pose] = joints.as_slice() else {
-        return Err(stored.broken("joints"));
-    };
-    Ok(BodyParameters {
-        betas: stored.exactly("betas")?,
-        expression: stored.exactly("expression")?,
-        global_orient: *global_orient,
-        body_pose: body_pose.try_into().map_err(|_| stored.broken("joints"))?,
-        jaw_pose: *jaw_pose,
-        left_eye_pose: *left_eye_pose,
-        right_eye_pose: *right_eye_pose,
-        left_hand_pose: hand(stored, "left")?,
-        right_hand_pose: hand(stored, "right")?,
-        transl: stored.exactly("transl")?.into(),
+pub(super) fn of(stored: &Stored) -> Result<Pose> {
+    let translation = stored.points("translation")?;
+    Ok(Pose {
+        rotations: stored.points("rotations")?.into_iter().map(PoseAxisAngle).collect(),
+        shape: stored.floats("shape")?,
+        expression: stored.floats("expression")?,
+        translation: *translation.first().ok_or_else(|| stored.broken("translation"))?,
     })
-}
-
-fn hand(stored: &Stored, side: &str) -> Result<HandPose> {
-    let axis_angles = |key: &str| -> Result<[PoseAxisAngle; 15]> {
-        let joints: Vec<PoseAxisAngle> = stored.points(key)?.into_iter().map(PoseAxisAngle).collect();
-        joints.try_into().map_err(|_| stored.broken(key))
-    };
-    let [flat, relative, pca] = ["flat", "relative_to_mean", "pca"].map(|kind| format!("{side}_hand.{kind}"));
-    if stored.has(&flat) {
-        Ok(HandPose::Flat(axis_angles(&flat)?))
-    } else if stored.has(&relative) {
-        Ok(HandPose::RelativeToMean(axis_angles(&relative)?))
-    } else {
-        Ok(HandPose::Pca(stored.floats(&pca)?))
-    }
 }

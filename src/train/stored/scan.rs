@@ -50,5 +50,5 @@ pub(super) fn of(stored: &Stored, id: FrameId, parameters: BodyParameters) -> Re
     let normals = stored.has("normals").then(|| stored.points("normals")).transpose()?;
     let scan = TriangleMesh { vertices, faces: faces.as_chunks().0.to_vec(), normals, colouring };
     scan.check()?;
-    Ok(ScanFrame { id, scan, parameters })
+    Ok(ScanFrame { id, scan, parameters, notes: Vec::new() })
 }

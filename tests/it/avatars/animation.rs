@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use glam::{DMat4, DVec3, Vec3};
 use xavatar::avatar::{Animator, Avatar, FixedTopology, Subject};
-use xavatar::body::{BodyParameters, Gender, JOINTS, PoseAxisAngle};
+use xavatar::body::{Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::config::{Config, SkinningSettings};
 use xavatar::fields::{Fields, Skinning};
 use xavatar::synthetic::BuiltInSubject;
@@ -28,39 +28,36 @@ fn untrained() -> Avatar {
     ];
     let settings: Vec<_> = small.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
     let config = Config::preset_with("paper-scan", &settings).unwrap();
-    let betas = subject().betas();
-    let joints = subject().model().canonical_joints(&betas).unwrap().to_vec();
     // Larger than the ball, so that its surface is not cut off.
     let bounds = (Vec3::splat(-1.3), Vec3::splat(1.3));
     let SkinningSettings::Network(shape) = &config.fields.skinning else { unreachable!("a paper preset") };
-    let mut fields = Fields::new(&config.fields, Skinning::network(shape).unwrap(), bounds).unwrap();
+    let subject = Subject::of(subject().model(), Gender::Neutral, subject().betas(), bounds, 0).unwrap();
+    let skinning = Skinning::network(shape, &subject.skeleton).unwrap();
+    let mut fields = Fields::new(&config.fields, &subject.condition(), skinning, bounds).unwrap();
     fields.initialise(5);
-    let subject = Subject { gender: Gender::Neutral, betas, joints, bounds, frames: 0 };
     Avatar { fields, config, subject, steps: 0 }
 }
 
-fn bent(angle: f32) -> BodyParameters {
-    let mut parameters = BodyParameters { transl: Vec3::new(0.3, 1.1, -2.0), ..BodyParameters::default() };
-    parameters.global_orient = PoseAxisAngle(Vec3::Y * angle);
-    for (joint, axis) in [(2, Vec3::X), (15, Vec3::Z), (17, Vec3::Y)] {
-        parameters.body_pose[joint] = PoseAxisAngle(axis * angle);
+fn bent(angle: f32) -> Pose {
+    let mut pose = Pose { translation: Vec3::new(0.3, 1.1, -2.0), ..smplx::skeleton().rest_pose() };
+    for (joint, axis) in [(0, Vec3::Y), (3, Vec3::X), (16, Vec3::Z), (18, Vec3::Y)] {
+        pose.rotations[joint] = PoseAxisAngle(axis * angle);
     }
-    parameters
+    pose
 }
 
 /// x_d = sum_j w_j(x_c) B_j x_c, in f64 and one point at a time.
-fn skinned(avatar: &Avatar, parameters: &BodyParameters, points: &[Vec3]) -> Vec<DVec3> {
-    let own_shape = BodyParameters { betas: avatar.subject.betas, ..parameters.clone() };
-    let bones = subject().model().canonical_to_posed(&own_shape).unwrap();
+fn skinned(avatar: &Avatar, pose: &Pose, points: &[Vec3]) -> Vec<DVec3> {
+    let bones = subject().model().canonical_to_posed(&pose.in_shape(&avatar.subject.betas)).unwrap();
     let bones: Vec<DMat4> = bones.iter().map(|bone| glam::Mat4::from(*bone).as_dmat4()).collect();
     let rows: Vec<_> = points.iter().map(Vec3::to_array).collect();
-    let mut weights = vec![0.0; points.len() * JOINTS];
+    let mut weights = vec![0.0; points.len() * bones.len()];
     avatar.fields.skinning.weights(&mut SkinningTrace::default(), &rows, &mut weights);
     let skin = |(point, weights): (&Vec3, &[f32])| {
         let images = bones.iter().zip(weights).map(|(bone, w)| bone.transform_point3(point.as_dvec3()) * f64::from(*w));
-        images.sum::<DVec3>() + parameters.transl.as_dvec3()
+        images.sum::<DVec3>() + pose.translation.as_dvec3()
     };
-    points.iter().zip(weights.chunks(JOINTS)).map(skin).collect()
+    points.iter().zip(weights.chunks(bones.len())).map(skin).collect()
 }
 
 #[test]
@@ -106,7 +103,7 @@ fn the_resting_pose_of_fixed_topology_is_the_canonical_mesh() {
     let avatar = untrained();
     let body = subject().model();
     let fixed = FixedTopology::new(&avatar, body, RESOLUTION).unwrap();
-    let resting = fixed.pose(&xavatar::body::BodyModel::canonical_parameters(&avatar.subject.betas)).unwrap();
+    let resting = fixed.pose(&smplx::skeleton().canonical_pose(&avatar.subject.betas)).unwrap();
     let farthest =
         resting.vertices.iter().zip(&fixed.canonical().vertices).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
     assert!(farthest < 1e-5, "{farthest}");

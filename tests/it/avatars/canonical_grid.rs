@@ -1,18 +1,18 @@
 //! Skinning on a grid and the body model's offsets in its warp, against the body model itself.
 
 use glam::Vec3;
-use xavatar::body::{BodyParameters, PoseAxisAngle};
-use xavatar::canonical_grid::{BodyPlaces, CanonicalGrid, VoxelShape};
-use xavatar::correspondence::bone_rows;
+use xavatar::body::{Pose, PoseAxisAngle, smplx};
+use xavatar::config::VoxelShape;
+use xavatar::fields::{BodyPlaces, CanonicalGrid, bone_rows};
 use xavatar::synthetic::BuiltInSubject;
 use xavatar_deformer::{Warp, deform};
 
-fn expressive(betas: [f32; 10]) -> BodyParameters {
-    let mut parameters = BodyParameters { betas, expression: [1.5; 10], ..BodyParameters::default() };
-    for (joint, axis) in [(15, Vec3::Z), (16, -Vec3::Z), (17, Vec3::Y), (3, Vec3::X)] {
-        parameters.body_pose[joint] = PoseAxisAngle(0.6 * axis);
+fn expressive(betas: &[f32]) -> Pose {
+    let mut pose = Pose { expression: vec![1.5; 10], ..smplx::skeleton().rest_pose().in_shape(betas) };
+    for (joint, axis) in [(16, Vec3::Z), (17, -Vec3::Z), (18, Vec3::Y), (4, Vec3::X)] {
+        pose.rotations[joint] = PoseAxisAngle(0.6 * axis);
     }
-    parameters
+    pose
 }
 
 /// Mean distance, metres, between the model's posed vertices and its canonical ones moved by the grid's warp.
@@ -20,12 +20,12 @@ fn mean_error(shape: VoxelShape, with_offsets: bool) -> f32 {
     let subject = BuiltInSubject::new().unwrap();
     let (body, betas) = (subject.model(), subject.betas());
     let parameters = expressive(betas);
-    let grid = CanonicalGrid::new(body, subject.part_labels(), &betas, shape).unwrap();
+    let grid = CanonicalGrid::new(body, subject.part_labels(), betas, shape).unwrap();
     let skinning = grid.skinning(body).unwrap();
     let bones = bone_rows(&body.canonical_to_posed(&parameters).unwrap());
     let offsets = with_offsets.then(|| grid.node_offsets(&body.canonical_offsets(&parameters).unwrap()));
     let warp = skinning.baked().warp(&bones, offsets.as_deref()).unwrap();
-    let canonical = body.canonical_vertices(&betas, &[0.0; 10]).unwrap();
+    let canonical = body.canonical_vertices(betas, &[]).unwrap();
     let points: Vec<[f32; 3]> = canonical.iter().map(Vec3::to_array).collect();
     let (mut transforms, mut moved) = (vec![[0.0; 12]; points.len()], vec![[0.0; 3]; points.len()]);
     warp.transforms(&mut (), &points, &mut transforms);
@@ -53,8 +53,8 @@ fn offsets_bring_expression_and_pose_correctives() {
 fn places_take_the_offsets_of_the_vertices_they_are_at() {
     let subject = BuiltInSubject::new().unwrap();
     let (body, betas) = (subject.model(), subject.betas());
-    let vertices = body.canonical_vertices(&betas, &[0.0; 10]).unwrap();
-    let (places, distances) = BodyPlaces::nearest(body, &betas, &vertices[..200]).unwrap();
+    let vertices = body.canonical_vertices(betas, &[]).unwrap();
+    let (places, distances) = BodyPlaces::nearest(body, betas, &vertices[..200]).unwrap();
     assert!(distances.iter().all(|distance| distance.abs() < 1e-5));
     // An offset that is linear in space is what it was at each place.
     let found = places.offsets(&vertices.iter().map(|vertex| *vertex * 0.1).collect::<Vec<_>>());

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use glam::{Affine3A, Quat, Vec3};
-use xavatar::body::{BodyModel, BodyParameters, JOINTS, Part, PartLabelSource, PartLabels, PoseAxisAngle};
+use xavatar::body::{BodyModel, Part, PartLabelSource, PartLabels, Pose, PoseAxisAngle, Role, smplx};
 use xavatar::data::{FrameId, ScanFrame};
 use xavatar::evaluate::{Evaluation, Report, SmplxD};
 use xavatar::formats::{Array, ArrayData, read_npz};
-use xavatar::mesh::{TriangleMesh, read_ply};
+use xavatar::mesh::{TriangleMesh, read_mesh};
 use xavatar::{Error, Result};
 
 /// Radius of the body, metres; the scan's is 0.02 more.
@@ -19,7 +19,7 @@ fn golden(name: &str) -> std::path::PathBuf {
 }
 
 fn ball(radius: f32) -> TriangleMesh {
-    let mut ball = read_ply(golden("sphere.ply")).unwrap();
+    let mut ball = read_mesh(golden("sphere.ply")).unwrap().mesh;
     ball.vertices.iter_mut().for_each(|vertex| *vertex = vertex.normalize() * radius);
     ball
 }
@@ -29,17 +29,17 @@ fn body() -> BodyModel {
     let path = golden("tiny_smplx.npz");
     let mut arrays = read_npz(&path).unwrap();
     let ball = ball(RADIUS);
-    let vertices = ball.vertices.len();
+    let (vertices, joints) = (ball.vertices.len(), smplx::skeleton().joints.len());
     let mut set = |name: &str, shape: &[usize], data: Vec<f32>| {
         arrays.insert(name.into(), Array { shape: shape.to_vec(), data: ArrayData::F32(data) });
     };
     set("v_template", &[vertices, 3], ball.vertices.iter().flat_map(Vec3::to_array).collect());
     set(
         "weights",
-        &[vertices, JOINTS],
-        [1.0].into_iter().chain([0.0; JOINTS - 1]).collect::<Vec<_>>().repeat(vertices),
+        &[vertices, joints],
+        (0..joints).map(|joint| if joint == 0 { 1.0 } else { 0.0 }).collect::<Vec<_>>().repeat(vertices),
     );
-    set("J_regressor", &[JOINTS, vertices], vec![1.0 / vertices as f32; JOINTS * vertices]);
+    set("J_regressor", &[joints, vertices], vec![1.0 / vertices as f32; joints * vertices]);
     set("shapedirs", &[vertices, 3, 20], vec![0.0; vertices * 60]);
     set("posedirs", &[vertices, 3, 486], vec![0.0; vertices * 3 * 486]);
     let faces = ball.faces.iter().flatten().map(|&vertex| i64::from(vertex)).collect();
@@ -50,25 +50,31 @@ fn body() -> BodyModel {
 /// Face above, hands at the sides.
 fn labels(body: &TriangleMesh) -> PartLabels {
     let part = |vertex: &Vec3| match vertex.to_array() {
-        [_, y, _] if y > 0.1 => Part::Face,
-        [x, ..] if x > 0.1 => Part::LeftHand,
-        [x, ..] if x < -0.1 => Part::RightHand,
-        _ => Part::Body,
+        [_, y, _] if y > 0.1 => "face",
+        [x, ..] if x > 0.1 => "left_hand",
+        [x, ..] if x < -0.1 => "right_hand",
+        _ => "body",
     };
+    let part = |vertex| smplx::skeleton().part_named(part(vertex)).unwrap();
     let parts: Vec<Part> = body.vertices.iter().map(part).collect();
-    PartLabels { eyes_mouth: vec![false; parts.len()], parts, source: PartLabelSource::SkinningWeights }
+    PartLabels { detail: vec![false; parts.len()], parts, source: PartLabelSource::SkinningWeights }
 }
 
 fn frame(number: u32) -> ScanFrame {
     let (turn, transl) = (Vec3::new(0.3, 0.9, -0.5) * number as f32, Vec3::new(0.1, -0.4, 0.7) * number as f32);
-    let parameters = BodyParameters { global_orient: PoseAxisAngle(turn), transl, ..BodyParameters::default() };
+    let parameters = smplx::Parameters { global_orient: PoseAxisAngle(turn), transl, ..Default::default() }.into();
     let place = Affine3A::from_rotation_translation(Quat::from_scaled_axis(turn), transl);
     let mut scan = ball(SCAN_RADIUS);
     scan.vertices.iter_mut().for_each(|vertex| *vertex = place.transform_point3(*vertex));
-    ScanFrame { id: FrameId { split: "test".into(), sequence: "Take1".into(), number }, scan, parameters }
+    ScanFrame {
+        id: FrameId { split: "test".into(), sequence: "Take1".into(), number },
+        scan,
+        parameters,
+        notes: Vec::new(),
+    }
 }
 
-fn evaluate(predict: impl Fn(&ScanFrame) -> Result<TriangleMesh>) -> Result<Report> {
+fn evaluate(predict: impl Fn(&ScanFrame, &Pose) -> Result<TriangleMesh>) -> Result<Report> {
     let body = body();
     let labels = labels(&ball(RADIUS));
     let baseline = SmplxD::fit(&body, (1..4).map(|number| Ok(frame(number)))).unwrap();
@@ -82,7 +88,7 @@ fn evaluate(predict: impl Fn(&ScanFrame) -> Result<TriangleMesh>) -> Result<Repo
 #[test]
 fn clothes_learned_in_other_poses_fit() {
     let body = body();
-    let report = evaluate(|frame| Ok(body.mesh(body.pose(&frame.parameters)?.vertices))).unwrap();
+    let report = evaluate(|_, pose| Ok(body.mesh(body.pose(pose)?.vertices))).unwrap();
     assert_eq!(report.per_frame.len(), 2);
     let (bare, clothed) = (report.mean(), report.baseline_mean().unwrap());
     // Shells of the two balls; a part's volume reaches 8 cm deep.
@@ -92,8 +98,8 @@ fn clothes_learned_in_other_poses_fit() {
     };
     for (part, bare, clothed, overlap) in [
         ("all", bare.all, clothed.all, overlap(RADIUS)),
-        ("hands", bare.hands, clothed.hands, overlap(0.08)),
-        ("face", bare.face, clothed.face, overlap(0.08)),
+        ("hands", bare.of(Role::Hands), clothed.of(Role::Hands), overlap(0.08)),
+        ("face", bare.of(Role::Face), clothed.of(Role::Face), overlap(0.08)),
     ] {
         let (bare, clothed) = (bare.unwrap(), clothed.unwrap());
         assert!((bare.cd_mm - 20.0).abs() < 0.3, "{part} of the bare body is 20 mm inside: {bare:?}");
@@ -105,7 +111,7 @@ fn clothes_learned_in_other_poses_fit() {
 
 #[test]
 fn an_evaluation_repeats_exactly() {
-    let grown = |frame: &ScanFrame| Ok(frame.scan.clone());
+    let grown = |frame: &ScanFrame, _: &Pose| Ok(frame.scan.clone());
     let report = evaluate(grown).unwrap();
     assert!(report.mean().all.unwrap().cd_mm < 1e-3, "the scan is its own best prediction");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
@@ -114,7 +120,7 @@ fn an_evaluation_repeats_exactly() {
 
 #[test]
 fn errors_name_the_frame() {
-    let error = evaluate(|_| Ok(TriangleMesh::default())).unwrap_err();
+    let error = evaluate(|_, _| Ok(TriangleMesh::default())).unwrap_err();
     assert!(matches!(&error, Error::Frame { frame, .. } if frame == "test/Take1/f00006"), "{error}");
     let body = body();
     assert!(SmplxD::fit(&body, []).is_err(), "nothing can be learned from no frames");

@@ -7,12 +7,11 @@ use glam::{DMat4, DQuat, DVec3, Quat, Vec3};
 use gltf::animation::util::ReadOutputs;
 use tempfile::TempDir;
 use xavatar::avatar::{Avatar, FixedTopology, Subject};
-use xavatar::body::{BodyModel, BodyParameters, Gender, HandPose, JOINT_NAMES, PARENTS, PoseAxisAngle};
-use xavatar::canonical_grid::{CanonicalGrid, VoxelShape};
-use xavatar::config::{Config, SkinningSettings};
+use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
+use xavatar::config::{Config, SkinningSettings, VoxelShape};
 use xavatar::export::{RiggedMesh, Rigging, bake_texture, write_glb};
-use xavatar::fields::{Fields, Skinning, condition};
-use xavatar::mesh::{Colouring, read_mesh, write_obj, write_ply};
+use xavatar::fields::{CanonicalGrid, Fields, Skinning};
+use xavatar::mesh::{Colouring, ReadMesh, read_mesh, write_obj, write_ply};
 use xavatar::synthetic::{BuiltInSubject, Split};
 use xavatar_network::Trace;
 
@@ -36,36 +35,26 @@ fn avatar(grid: bool) -> Avatar {
     let settings: Vec<_> = small.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
     let mut config = Config::preset_with("paper-scan", &settings).unwrap();
     let (body, betas) = (subject().model(), subject().betas());
-    let joints = body.canonical_joints(&betas).unwrap().to_vec();
     // Larger than the ball, so that its surface is not cut off, even where a test makes it uneven.
     let bounds = (Vec3::splat(-1.6), Vec3::splat(1.6));
     let skinning = if grid {
         let shape = VoxelShape { spacing: 0.1, fine_spacing: 0.05 };
         config.fields.skinning = SkinningSettings::Voxels(shape);
-        let grid = CanonicalGrid::new(body, subject().part_labels(), &betas, shape).unwrap();
-        Skinning::Voxels(grid.skinning(body).unwrap())
+        let grid = CanonicalGrid::new(body, subject().part_labels(), betas, shape).unwrap();
+        Skinning::grid(grid.skinning(body).unwrap())
     } else {
         let SkinningSettings::Network(shape) = &config.fields.skinning else { unreachable!("a paper preset") };
-        Skinning::network(shape).unwrap()
+        Skinning::network(shape, smplx::skeleton()).unwrap()
     };
-    let mut fields = Fields::new(&config.fields, skinning, bounds).unwrap();
+    let subject = Subject::of(body, Gender::Neutral, betas, bounds, 0).unwrap();
+    let mut fields = Fields::new(&config.fields, &subject.condition(), skinning, bounds).unwrap();
     fields.initialise(5);
-    let subject = Subject { gender: Gender::Neutral, betas, joints, bounds, frames: 0 };
     Avatar { fields, config, subject, steps: 0 }
 }
 
-fn take(frames: usize) -> Vec<BodyParameters> {
-    (0..frames).map(|frame| subject().parameters(Split::Test, frame, frames).unwrap()).collect()
-}
-
-/// A motion that needs no body model: hands absolute.
-fn flat_handed(frames: usize) -> Vec<BodyParameters> {
-    let flat = |parameters| BodyParameters {
-        left_hand_pose: HandPose::Flat([PoseAxisAngle(Vec3::Z * -0.3); 15]),
-        right_hand_pose: HandPose::default(),
-        ..parameters
-    };
-    take(frames).into_iter().map(flat).collect()
+fn take(frames: usize) -> Vec<Pose> {
+    let pose = |frame| subject().model().resolve(&subject().parameters(Split::Test, frame, frames).unwrap().into());
+    (0..frames).map(|frame| pose(frame).unwrap()).collect()
 }
 
 /// What is in a GLB, as another program reads it.
@@ -74,7 +63,7 @@ struct Glb {
 }
 
 /// A frame of a GLB's animation.
-struct Pose {
+struct NodePose {
     /// Translation and rotation by node.
     turns: HashMap<usize, (DVec3, DQuat)>,
     weights: Vec<f32>,
@@ -126,13 +115,13 @@ impl Glb {
     }
 
     /// The pose of the nodes themselves, and that of each frame of the animation.
-    fn poses(&self) -> (Pose, Vec<Pose>) {
+    fn poses(&self) -> (NodePose, Vec<NodePose>) {
         let turn = |node: gltf::Node| {
             let (translation, [x, y, z, w], _) = node.transform().decomposed();
             (node.index(), (Vec3::from(translation).as_dvec3(), Quat::from_xyzw(x, y, z, w).as_dquat()))
         };
-        let rest = || Pose { turns: self.document.nodes().map(turn).collect(), weights: Vec::new() };
-        let mut frames: Vec<Pose> = Vec::new();
+        let rest = || NodePose { turns: self.document.nodes().map(turn).collect(), weights: Vec::new() };
+        let mut frames: Vec<NodePose> = Vec::new();
         for channel in self.document.animations().next().unwrap().channels() {
             let node = channel.target().node().index();
             let reader = channel.reader(self.data());
@@ -161,8 +150,8 @@ impl Glb {
     }
 
     /// Where joints are, in the world (J).
-    fn joint_transforms(&self, pose: &Pose) -> Vec<DMat4> {
-        fn visit(node: gltf::Node, above: DMat4, pose: &Pose, placed: &mut HashMap<usize, DMat4>) {
+    fn joint_transforms(&self, pose: &NodePose) -> Vec<DMat4> {
+        fn visit(node: gltf::Node, above: DMat4, pose: &NodePose, placed: &mut HashMap<usize, DMat4>) {
             let (translation, rotation) = pose.turns[&node.index()];
             let here = above * DMat4::from_rotation_translation(rotation, translation);
             placed.insert(node.index(), here);
@@ -175,7 +164,7 @@ impl Glb {
         skin.joints().map(|joint| placed[&joint.index()]).collect()
     }
 
-    fn skinning_transforms(&self, pose: &Pose) -> Vec<DMat4> {
+    fn skinning_transforms(&self, pose: &NodePose) -> Vec<DMat4> {
         let skin = self.document.skins().next().unwrap();
         let inverse_bind = skin.reader(self.data()).read_inverse_bind_matrices().unwrap();
         let joints = self.joint_transforms(pose);
@@ -185,7 +174,7 @@ impl Glb {
     /// The vertices of every frame, by the specification's formula.
     fn animated(&self) -> Vec<Vec<DVec3>> {
         let (positions, morphs, influences) = (self.positions(), self.morphs(), self.influences());
-        let vertices = |pose: &Pose| {
+        let vertices = |pose: &NodePose| {
             let transforms = self.skinning_transforms(pose);
             let vertex = |index: usize| {
                 let morphed = morphs.iter().zip(&pose.weights).map(|(morph, weight)| morph[index] * f64::from(*weight));
@@ -250,11 +239,11 @@ fn skeleton_morphs_colours_and_clip_are_in_the_file() {
     let (rigged, _) = RIGGING.rig(&avatar, Some(subject().model()), &frames, RATE, |_, _| {}).unwrap();
     let glb = Glb::of(&rigged);
     let joints: Vec<gltf::Node> = glb.document.skins().next().unwrap().joints().collect();
-    assert_eq!(joints.iter().map(|joint| joint.name().unwrap()).collect::<Vec<_>>(), JOINT_NAMES);
+    assert_eq!(joints.iter().map(|joint| joint.name().unwrap()).collect::<Vec<_>>(), smplx::skeleton().joints);
     for (index, joint) in joints.iter().enumerate() {
         for child in joint.children() {
             let child = joints.iter().position(|joint| joint.index() == child.index()).unwrap();
-            assert_eq!(PARENTS[child], index);
+            assert_eq!(smplx::skeleton().parents[child], Some(index));
         }
     }
     // In the pose of the nodes nothing moves, and joints are where the avatar's are.
@@ -266,7 +255,7 @@ fn skeleton_morphs_colours_and_clip_are_in_the_file() {
         assert!(placed.w_axis.truncate().distance(joint.as_dvec3()) < 1e-5);
     }
     // A joint's rotation is SMPL-X's own.
-    let elbow = frames[3].body_pose[17].0.as_dvec3();
+    let elbow = frames[3].rotations[18].0.as_dvec3();
     let (_, turn) = poses[3].turns[&joints[18].index()];
     assert!(turn.to_scaled_axis().distance(elbow) < 1e-5);
 
@@ -311,26 +300,24 @@ fn expressions_of_avatars_without_offsets_are_the_fields() {
     // Networks begin deaf to the condition.
     let perturb = |(index, parameter): (usize, &mut f32)| *parameter += 5e-3 * (index as f32 * 0.7).sin();
     avatar.fields.geometry.mlp.update(|parameters| parameters.iter_mut().enumerate().for_each(perturb));
-    let network = &avatar.fields.geometry.mlp;
-    let (rigged, _) =
-        Rigging { correctives: 0, ..RIGGING }.rig(&avatar, None, &flat_handed(1), RATE, |_, _| {}).unwrap();
-    let values = |points: &[Vec3], expression: [f32; 10]| {
-        let parameters = BodyParameters { expression, ..BodyParameters::default() };
+    let (network, condition) = (&avatar.fields.geometry.mlp, avatar.condition());
+    let (rigged, _) = Rigging { correctives: 0, ..RIGGING }.rig(&avatar, None, &take(1), RATE, |_, _| {}).unwrap();
+    let values = |points: &[Vec3], expression: &[f32]| {
         let rows: Vec<f32> = points.iter().flat_map(Vec3::to_array).collect();
         let mut trace = Trace::default();
-        network.forward(&mut trace, &rows, &network.embed(&condition(&parameters)), &[]);
+        network.forward(&mut trace, &rows, &network.embed(&condition.of_expression(expression)), &[]);
         trace.output().to_vec()
     };
     let vertices = &rigged.mesh.vertices;
-    let neutral = values(vertices, [0.0; 10]);
+    let neutral = values(vertices, &[]);
     let largest = neutral.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
     assert!(largest < 0.01, "vertices lie on the surface, not where it is cut off: {largest}");
     let change = |values: Vec<f32>| values.iter().zip(&neutral).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     for (coefficient, morph) in rigged.morphs.iter().enumerate() {
-        let mut expression = [0.0; 10];
+        let mut expression = vec![0.0; coefficient + 1];
         expression[coefficient] = 1.0;
         let moved: Vec<Vec3> = vertices.iter().zip(&morph.offsets).map(|(p, d)| *p + *d).collect();
-        let (before, after) = (change(values(vertices, expression)), change(values(&moved, expression)));
+        let (before, after) = (change(values(vertices, &expression)), change(values(&moved, &expression)));
         assert!(after < 0.02 * before, "{}: {before} to {after}", morph.name);
     }
 }
@@ -338,8 +325,8 @@ fn expressions_of_avatars_without_offsets_are_the_fields() {
 // An avatar whose warp has no offsets needs no body model: the skeleton is in the avatar
 #[test]
 fn without_a_body_model_the_skeleton_moves_the_avatar_alone() {
-    let (avatar, mut frames) = (avatar(false), flat_handed(6));
-    frames.iter_mut().for_each(|frame| frame.expression = [0.0; 10]);
+    let (avatar, mut frames) = (avatar(false), take(6));
+    frames.iter_mut().for_each(|frame| frame.expression.clear());
     let fixed = FixedTopology::new(&avatar, subject().model(), RIGGING.resolution).unwrap();
     let (rigged, report) = Rigging { correctives: 80, ..RIGGING }.rig(&avatar, None, &frames, RATE, |_, _| {}).unwrap();
     assert!(report.most_influences > 8);
@@ -352,9 +339,9 @@ fn without_a_body_model_the_skeleton_moves_the_avatar_alone() {
 #[test]
 fn consecutive_rotations_are_on_one_side() {
     let turn = |angle: f32| {
-        let mut parameters = BodyParameters::default();
-        parameters.body_pose[15] = PoseAxisAngle(Vec3::X * angle);
-        parameters
+        let mut pose = smplx::skeleton().rest_pose();
+        pose.rotations[16] = PoseAxisAngle(Vec3::X * angle);
+        pose
     };
     let frames: Vec<_> = (0..40).map(|frame| turn(frame as f32 * 0.3)).collect();
     let (rigged, _) =
@@ -366,33 +353,34 @@ fn consecutive_rotations_are_on_one_side() {
 #[test]
 fn what_cannot_be_rigged_is_named() {
     let (avatar, body) = (avatar(true), subject().model());
-    let refused =
-        |rigging: Rigging, avatar: &Avatar, body: Option<&BodyModel>, frames: &[BodyParameters], rate: f32| {
-            rigging.rig(avatar, body, frames, rate, |_, _| {}).unwrap_err().to_string()
-        };
+    let refused = |rigging: Rigging, avatar: &Avatar, body: Option<&BodyModel>, frames: &[Pose], rate: f32| {
+        rigging.rig(avatar, body, frames, rate, |_, _| {}).unwrap_err().to_string()
+    };
     let message = refused(Rigging { influences: 5, ..RIGGING }, &avatar, Some(body), &take(1), RATE);
     assert!(message.contains("influences is 5, expected 4 or 8"), "{message}");
     let message = refused(RIGGING, &avatar, Some(body), &[], RATE);
     assert!(message.contains("0 frames"), "{message}");
     let message = refused(RIGGING, &avatar, Some(body), &take(1), f32::NAN);
     assert!(message.contains("NaN a second"), "{message}");
-    let message = refused(RIGGING, &avatar, None, &take(1), RATE);
-    assert!(message.contains("--body"), "{message}");
+    let mut short = take(1);
+    short[0].rotations.pop();
+    let message = refused(RIGGING, &avatar, None, &short, RATE);
+    assert!(message.contains("54 rotations") && message.contains("SMPL-X skeleton (55 joints)"), "{message}");
     let mut other = avatar.clone();
     other.subject.joints[20].x += 0.01;
     let message = refused(RIGGING, &other, Some(body), &take(1), RATE);
     assert!(message.contains("10.0 mm") && message.contains("trained with"), "{message}");
     let mut broken = take(1);
-    broken[0].transl.y = f32::INFINITY;
+    broken[0].translation.y = f32::INFINITY;
     let message = refused(RIGGING, &avatar, Some(body), &broken, RATE);
-    assert!(message.contains("transl"), "{message}");
+    assert!(message.contains("translation is inf"), "{message}");
     let message = refused(
         RIGGING,
         &avatar,
         None,
         &{
-            let mut frames = flat_handed(1);
-            frames[0].jaw_pose.0.x = f32::NAN;
+            let mut frames = take(1);
+            frames[0].rotations[22].0.x = f32::NAN;
             frames
         },
         RATE,
@@ -416,7 +404,7 @@ fn a_baked_texture_shows_the_fields_colours() {
     write_obj(&obj, &baked.mesh).unwrap();
     write_ply(&ply, &baked.mesh).unwrap();
     for path in [obj, ply] {
-        let read = read_mesh(&path).unwrap();
+        let read = read_mesh(&path).unwrap().mesh;
         let (Colouring::Texture { image, .. }, Colouring::Texture { image: written, .. }) =
             (&read.colouring, &baked.mesh.colouring)
         else {
@@ -449,4 +437,21 @@ fn a_textured_rig_moves_as_the_coloured_one() {
     let reader = primitive.reader(glb.data());
     assert!(reader.read_colors(0).is_none());
     assert!(reader.read_tex_coords(0).unwrap().into_f32().flatten().all(|c| (0.0..=1.0).contains(&c)));
+    // Read as meshes, both stand as they were bound, in the same colours.
+    for rigged in [coloured, textured] {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join("avatar.glb");
+        write_glb(&path, &rigged).unwrap();
+        let ReadMesh { mesh, notes } = read_mesh(&path).unwrap();
+        assert_eq!((notes, &mesh.faces), (vec![], &rigged.mesh.faces));
+        let vertices: Vec<DVec3> = mesh.vertices.iter().map(|vertex| vertex.as_dvec3()).collect();
+        assert!(farthest(&vertices, &rigged.mesh.vertices) < 1e-5);
+        match (&mesh.colouring, &rigged.mesh.colouring) {
+            (Colouring::Vertex(read), Colouring::Vertex(written)) => assert_eq!(read, written),
+            (Colouring::Texture { uvs, image }, Colouring::Texture { uvs: written, image: picture }) => {
+                assert_eq!((uvs, image), (written, picture));
+            }
+            (read, _) => panic!("{read:?}"),
+        }
+    }
 }

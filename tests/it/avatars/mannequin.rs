@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use glam::Vec3;
-use xavatar::body::{BodyModel, BodyParameters, Gender, HandPose, JOINTS, Part, PartLabelSource, PartLabels};
+use xavatar::body::{BodyModel, Gender, HandPose, PartLabelSource, PartLabels, Pose, smplx};
 use xavatar::data::RestPose;
 use xavatar::formats::{write_npz, write_pickle};
 use xavatar::mesh::{Colouring, SolidIndex, SurfaceIndex, Topology, largest_component};
@@ -14,6 +14,11 @@ static SUBJECT: LazyLock<BuiltInSubject> = LazyLock::new(|| BuiltInSubject::new(
 fn height(vertices: &[Vec3]) -> f32 {
     let heights = || vertices.iter().map(|vertex| vertex.y);
     heights().fold(f32::MIN, f32::max) - heights().fold(f32::MAX, f32::min)
+}
+
+/// One coefficient alone.
+fn unit(coefficient: usize, amount: f32) -> Vec<f32> {
+    (0..=coefficient).map(|index| if index == coefficient { amount } else { 0.0 }).collect()
 }
 
 #[test]
@@ -34,7 +39,7 @@ fn the_model_is_one_closed_skin_with_two_eyeballs_inside() {
 
 #[test]
 fn the_body_has_human_size_and_its_left_is_its_left() {
-    let body = SUBJECT.model().pose(&BodyParameters::default()).unwrap();
+    let body = SUBJECT.model().pose(&smplx::skeleton().rest_pose()).unwrap();
     assert!((1.65..1.80).contains(&height(&body.vertices)));
     let [left_wrist, right_wrist, head, left_foot] = [20, 21, 15, 10].map(|joint| body.joints[joint]);
     assert!(left_wrist.x > 0.5 && right_wrist.x < -0.5 && head.y > left_wrist.y && left_foot.z > 0.05);
@@ -46,12 +51,10 @@ fn joints_follow_the_shape() {
     let model = SUBJECT.model();
     for shape in 0..10 {
         for amount in [-2.0, 2.0] {
-            let mut parameters = BodyParameters::default();
-            parameters.betas[shape] = amount;
-            let body = model.pose(&parameters).unwrap();
+            let body = model.pose(&Pose { shape: unit(shape, amount), ..smplx::skeleton().rest_pose() }).unwrap();
             let skin = largest_component(&model.mesh(body.vertices)).mesh;
             let solid = SolidIndex::new(&skin).unwrap();
-            for joint in 0..JOINTS {
+            for joint in 0..body.joints.len() {
                 assert!(solid.is_inside(body.joints[joint]), "joint {joint} of shape {shape} at {amount}");
             }
         }
@@ -61,21 +64,21 @@ fn joints_follow_the_shape() {
 #[test]
 fn every_direction_and_the_hands_move_something() {
     let model = SUBJECT.model();
-    let rest = model.pose(&BodyParameters::default()).unwrap().vertices;
-    let moved = |parameters: &BodyParameters| {
-        let vertices = model.pose(parameters).unwrap().vertices;
+    let flat = smplx::skeleton().rest_pose();
+    let rest = model.pose(&flat).unwrap().vertices;
+    let moved = |pose: &Pose| {
+        let vertices = model.pose(pose).unwrap().vertices;
         rest.iter().zip(&vertices).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max)
     };
     for index in 0..10 {
-        let mut parameters = BodyParameters::default();
-        parameters.betas[index] = 1.0;
-        assert!((0.003..0.08).contains(&moved(&parameters)), "shape {index}");
-        let mut parameters = BodyParameters::default();
-        parameters.expression[index] = 1.0;
-        assert!((0.002..0.02).contains(&moved(&parameters)), "expression {index}");
+        let shaped = Pose { shape: unit(index, 1.0), ..flat.clone() };
+        assert!((0.003..0.08).contains(&moved(&shaped)), "shape {index}");
+        let smiling = Pose { expression: unit(index, 1.0), ..flat.clone() };
+        assert!((0.002..0.02).contains(&moved(&smiling)), "expression {index}");
     }
     let relaxed = HandPose::RelativeToMean(Default::default());
-    assert!(moved(&BodyParameters { right_hand_pose: relaxed, ..Default::default() }) > 0.02);
+    let relaxed = smplx::Parameters { right_hand_pose: relaxed, ..Default::default() };
+    assert!(moved(&model.resolve(&relaxed.into()).unwrap()) > 0.02);
 }
 
 #[test]
@@ -83,23 +86,24 @@ fn written_as_files_it_is_the_same_model() {
     let folder = tempfile::tempdir().unwrap();
     write_npz(folder.path().join("SMPLX_NEUTRAL.npz"), SUBJECT.model_arrays()).unwrap();
     let labels = SUBJECT.part_labels();
-    write_pickle(folder.path().join("neutral_vertex_labels.pkl"), &labels.to_vertex_labels()).unwrap();
+    write_pickle(folder.path().join("neutral_vertex_labels.pkl"), &labels.to_vertex_labels(smplx::skeleton())).unwrap();
     let model = BodyModel::load(folder.path(), Gender::Neutral).unwrap();
-    let parameters = SUBJECT.parameters(Split::Test, 3, 9).unwrap();
-    assert_eq!(model.pose(&parameters).unwrap().vertices, SUBJECT.model().pose(&parameters).unwrap().vertices);
+    let parameters = SUBJECT.parameters(Split::Test, 3, 9).unwrap().into();
+    let vertices = |model: &BodyModel| model.pose(&model.resolve(&parameters).unwrap()).unwrap().vertices;
+    assert_eq!(vertices(&model), vertices(SUBJECT.model()));
     let found = PartLabels::find(&model).unwrap();
     assert!(matches!(found.source, PartLabelSource::VertexLabels(_)));
-    assert_eq!((&found.parts, &found.eyes_mouth), (&labels.parts, &labels.eyes_mouth));
+    assert_eq!((&found.parts, &found.detail), (&labels.parts, &labels.detail));
 }
 
 #[test]
 fn every_part_has_its_share_of_vertices() {
     let labels = SUBJECT.part_labels();
     let share = |part| labels.vertices_of(part).len() as f32 / labels.parts.len() as f32;
-    for part in Part::ALL {
-        assert!((0.08..0.6).contains(&share(part)), "{part:?}: {}", share(part));
+    for (part, group) in smplx::skeleton().parts() {
+        assert!((0.08..0.6).contains(&share(part)), "{}: {}", group.name, share(part));
     }
-    assert!(labels.eyes_mouth.iter().filter(|marked| **marked).count() > 200);
+    assert!(labels.detail.iter().filter(|marked| **marked).count() > 200);
 }
 
 #[test]
@@ -109,7 +113,7 @@ fn scans_are_closed_coloured_and_near_the_registered_body() {
         assert!(Topology::of(&frame.scan).is_watertight());
         let Colouring::Vertex(colours) = &frame.scan.colouring else { panic!("{} has no colours", frame.id) };
         assert_eq!(colours.len(), frame.scan.vertices.len());
-        let body = SUBJECT.model().pose(&frame.parameters).unwrap();
+        let body = SUBJECT.model().pose(&SUBJECT.model().resolve(&frame.parameters).unwrap()).unwrap();
         let surface = SurfaceIndex::new(&SUBJECT.model().mesh(body.vertices.clone())).unwrap();
         let sampled: Vec<Vec3> = frame.scan.vertices.iter().copied().step_by(7).collect();
         let distances: Vec<f32> = surface.closest_to_each(&sampled).iter().map(|closest| closest.distance).collect();
@@ -133,7 +137,7 @@ fn frames_do_not_depend_on_who_makes_them() {
 // The test take is unseen: each of its key poses differs from all that training passes through.
 #[test]
 fn test_poses_are_not_in_the_training_take() {
-    let angles = |parameters: &BodyParameters| parameters.body_pose.map(|turn| turn.0);
+    let angles = |parameters: &smplx::Parameters| parameters.body_pose.map(|turn| turn.0);
     let train: Vec<_> = (0..105).map(|index| angles(&SUBJECT.parameters(Split::Train, index, 105).unwrap())).collect();
     for index in 0..9 {
         let test = angles(&SUBJECT.parameters(Split::Test, index, 9).unwrap());
@@ -146,8 +150,8 @@ fn test_poses_are_not_in_the_training_take() {
 #[test]
 fn the_canonical_pose_is_undone_and_motions_without_an_avatar_assume_this_body() {
     let model = SUBJECT.model();
-    let rest = model.pose(&BodyParameters::default()).unwrap().joints;
-    let canonical = model.canonical_joints(&[0.0; 10]).unwrap();
+    let rest = model.pose(&smplx::skeleton().rest_pose()).unwrap().joints;
+    let canonical = model.canonical_joints(&[]).unwrap();
     assert_ne!(canonical[4], rest[4]);
     let (found, assumed) = (RestPose::of_canonical(&canonical).unwrap(), RestPose::default());
     for (joint, place) in rest.iter().enumerate() {

@@ -5,5 +5,7 @@ mod canonical_grid;
 mod evaluation;
 mod export;
 mod mannequin;
+mod other_skeleton;
 mod render;
 mod rgbd_training;
+mod toy_family;

@@ -8,6 +8,7 @@ use xavatar::avatar::Avatar;
 use xavatar::body::Gender;
 use xavatar::config::Config;
 use xavatar::data::{BACKGROUND, FrameId, RgbdFrame, RgbdSource};
+use xavatar::fields::PerField;
 use xavatar::formats::{Error, Result};
 use xavatar::mesh::camera::PinholeCamera;
 use xavatar::render::render_rgbd;
@@ -20,7 +21,7 @@ const FRAMES: usize = 4;
 struct Filmed {
     frames: Vec<RgbdFrame>,
     ids: Vec<FrameId>,
-    betas: [f32; 10],
+    betas: Vec<f32>,
 }
 
 impl Filmed {
@@ -28,7 +29,7 @@ impl Filmed {
         let film = |index: usize| {
             let scan = subject.frame(Split::Train, index, FRAMES).unwrap();
             let angle = std::f32::consts::TAU * index as f32 / FRAMES as f32;
-            let centre = scan.parameters.transl + Vec3::Y * 0.9;
+            let centre = scan.parameters.translation() + Vec3::Y * 0.9;
             let position = centre + 4.0 * Vec3::new(angle.sin(), 0.0, angle.cos());
             let camera = PinholeCamera::looking_at(position, centre, 0.6, [240, 320]).unwrap();
             let image = render_rgbd(&scan.scan, &camera).unwrap();
@@ -43,7 +44,7 @@ impl Filmed {
             }
         };
         let frames: Vec<_> = (0..FRAMES).map(film).collect();
-        Self { ids: frames.iter().map(|frame| frame.id.clone()).collect(), frames, betas: subject.betas() }
+        Self { ids: frames.iter().map(|frame| frame.id.clone()).collect(), frames, betas: subject.betas().to_vec() }
     }
 }
 
@@ -60,8 +61,8 @@ impl RgbdSource for Filmed {
         })
     }
 
-    fn betas(&self) -> [f32; 10] {
-        self.betas
+    fn betas(&self) -> &[f32] {
+        &self.betas
     }
 
     fn gender(&self) -> Gender {
@@ -104,21 +105,19 @@ fn train(config: &Config, film: &Filmed, subject: &BuiltInSubject, run: &Path) -
     records
 }
 
-fn parameters(run: &Path) -> (Vec<Vec<f32>>, Option<Vec<f32>>) {
-    let fields = Avatar::load(run).unwrap().fields;
-    let networks = fields.networks().iter().map(|network| network.parameters().to_vec()).collect();
-    (networks, fields.skinning.voxels().map(|voxels| voxels.parameters().to_vec()))
+fn parameters(run: &Path) -> PerField<Vec<f32>> {
+    Avatar::load(run).unwrap().fields.parameters().map(<[f32]>::to_vec)
 }
 
 #[test]
 fn a_run_goes_on_without_its_source_and_ends_the_same() {
     let subject = BuiltInSubject::new().unwrap();
     let mut film = Filmed::new(&subject);
-    let (config, folder) = (config(&[("losses.free_space", "50")]), tempfile::tempdir().unwrap());
+    let (config, folder) = (config(&[]), tempfile::tempdir().unwrap());
     let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
     let records = train(&config, &film, &subject, &whole);
     let last = records.0.last().unwrap();
-    for term in ["distance", "colour", "free_space", "total"] {
+    for term in ["distance", "colour", "total"] {
         assert!(last.losses[term].is_finite() && last.losses[term] > 0.0, "{term}: {:?}", last.losses);
     }
 
@@ -151,8 +150,6 @@ fn the_published_losses_train_too() {
     let folder = tempfile::tempdir().unwrap();
     let settings = [
         ("rgbd.off_surface", "false"),
-        ("rgbd.free_points", "0"),
-        ("losses.free_space", "0"),
         ("losses.normal", "0.1"),
         ("losses.eikonal", "0.5"),
         ("sampling.far_points", "0"),
@@ -167,7 +164,7 @@ fn the_published_losses_train_too() {
 #[test]
 fn presets_are_for_one_kind_of_frames() {
     let subject = BuiltInSubject::new().unwrap();
-    let film = Filmed { frames: Vec::new(), ids: Vec::new(), betas: subject.betas() };
+    let film = Filmed { frames: Vec::new(), ids: Vec::new(), betas: subject.betas().to_vec() };
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     let config = Config::preset("demo").unwrap();

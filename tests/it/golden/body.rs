@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{Affine3A, Vec3};
 use safetensors::SafeTensors;
-use xavatar::body::{BodyModel, BodyParameters, Gender, HandPose, PoseAxisAngle};
+use xavatar::body::{BodyModel, Gender, HandPose, Pose, PoseAxisAngle, smplx};
 
 const FRAMES: usize = 6;
 
@@ -32,15 +32,15 @@ fn poses<const N: usize>(row: &[f32]) -> [PoseAxisAngle; N] {
     std::array::from_fn(|joint| PoseAxisAngle(Vec3::from_slice(&row[joint * 3..])))
 }
 
-fn parameters(tensors: &SafeTensors) -> Vec<BodyParameters> {
+fn parameters(tensors: &SafeTensors) -> Vec<smplx::Parameters> {
     let tensor = |name| rows(tensors, name);
     let [betas, expression, global, body] = ["betas", "expression", "global_orient", "body_pose"].map(tensor);
     let [jaw, left_eye, right_eye] = ["jaw_pose", "leye_pose", "reye_pose"].map(tensor);
     let [left_hand, right_hand, transl] = ["left_hand_pose", "right_hand_pose", "transl"].map(tensor);
     (0..FRAMES)
-        .map(|frame| BodyParameters {
-            betas: betas[frame].as_slice().try_into().unwrap(),
-            expression: expression[frame].as_slice().try_into().unwrap(),
+        .map(|frame| smplx::Parameters {
+            betas: betas[frame].clone(),
+            expression: expression[frame].clone(),
             global_orient: PoseAxisAngle(Vec3::from_slice(&global[frame])),
             body_pose: poses(&body[frame]),
             jaw_pose: PoseAxisAngle(Vec3::from_slice(&jaw[frame])),
@@ -51,6 +51,11 @@ fn parameters(tensors: &SafeTensors) -> Vec<BodyParameters> {
             transl: Vec3::from_slice(&transl[frame]),
         })
         .collect()
+}
+
+/// The poses of the golden parameters.
+fn golden_poses(model: &BodyModel, tensors: &SafeTensors) -> Vec<Pose> {
+    parameters(tensors).into_iter().map(|parameters| model.resolve(&parameters.into()).unwrap()).collect()
 }
 
 fn assert_close(found: &[Vec3], expected: &[Vec3], tolerance: f32) {
@@ -66,8 +71,8 @@ fn vertices_joints_and_bone_transforms_match_smplx() {
     let tensors = SafeTensors::deserialize(&bytes).unwrap();
     let model = model();
     let [vertices, joints, transforms] = ["vertices", "joints", "bone_transforms"].map(|name| rows(&tensors, name));
-    for (frame, parameters) in parameters(&tensors).iter().enumerate() {
-        let body = model.pose(parameters).unwrap();
+    for (frame, pose) in golden_poses(&model, &tensors).iter().enumerate() {
+        let body = model.pose(pose).unwrap();
         assert_close(&body.vertices, &points(&vertices[frame]), 1e-5);
         assert_close(&body.joints, &points(&joints[frame]), 1e-5);
         for (found, expected) in body.bone_transforms.iter().zip(transforms[frame].chunks_exact(16)) {
@@ -85,15 +90,16 @@ fn vertices_joints_and_bone_transforms_match_smplx() {
 #[test]
 fn hand_conventions_agree() {
     let model = model();
-    let posed = |pose: HandPose| model.pose(&BodyParameters { left_hand_pose: pose, ..Default::default() }).unwrap();
+    let resolved =
+        |pose: HandPose| model.resolve(&smplx::Parameters { left_hand_pose: pose, ..Default::default() }.into());
+    let posed = |pose: HandPose| model.pose(&resolved(pose).unwrap()).unwrap();
     let relaxed = posed(HandPose::RelativeToMean(Default::default()));
     assert_close(&relaxed.vertices, &posed(HandPose::Pca(vec![])).vertices, 1e-7);
     let moved = |a: &[Vec3], b: &[Vec3]| a.iter().zip(b).any(|(a, b)| a.distance(*b) > 1e-2);
     assert!(moved(&relaxed.vertices, &posed(HandPose::default()).vertices));
     assert!(moved(&relaxed.vertices, &posed(HandPose::Pca(vec![0.7, -0.4])).vertices));
-    let error = model.pose(&BodyParameters { left_hand_pose: HandPose::Pca(vec![0.0; 46]), ..Default::default() });
     assert_eq!(
-        error.unwrap_err().to_string(),
+        resolved(HandPose::Pca(vec![0.0; 46])).unwrap_err().to_string(),
         "left_hand_pose is 46 PCA coefficients, expected at most 45, the components of the model"
     );
 }
@@ -104,10 +110,10 @@ fn the_canonical_route_gives_the_posed_body() {
     let bytes = std::fs::read(golden("body_smplx.safetensors")).unwrap();
     let tensors = SafeTensors::deserialize(&bytes).unwrap();
     let model = model();
-    for parameters in parameters(&tensors) {
-        let to_posed = model.canonical_to_posed(&parameters).unwrap();
-        let body = model.pose(&parameters).unwrap();
-        let canonical = BodyModel::canonical_parameters(&parameters.betas);
+    for pose in golden_poses(&model, &tensors) {
+        let to_posed = model.canonical_to_posed(&pose).unwrap();
+        let body = model.pose(&pose).unwrap();
+        let canonical = model.skeleton().canonical_pose(&pose.shape);
         let from_rest = model.pose(&canonical).unwrap().bone_transforms;
         for ((to_posed, from_rest), whole) in to_posed.iter().zip(&from_rest).zip(&body.bone_transforms) {
             assert!((*to_posed * *from_rest).abs_diff_eq(*whole, 2e-5));
@@ -121,21 +127,21 @@ fn the_canonical_route_gives_the_posed_body() {
 #[test]
 fn offsets_account_for_all_that_posing_adds() {
     let model = model();
-    let mut parameters = BodyModel::canonical_parameters(&[0.5, -1.0, 0.3, 0.0, 0.0, 1.0, 0.0, 0.2, 0.0, 0.0]);
-    let plain = model.canonical_vertices(&parameters.betas, &[0.0; 10]).unwrap();
-    parameters.expression[2] = 1.5;
-    let smiling = model.canonical_vertices(&parameters.betas, &parameters.expression).unwrap();
-    let offsets = model.vertex_offsets(&parameters).unwrap();
-    parameters.body_pose = Default::default();
-    parameters.jaw_pose = Default::default();
-    let expression = model.vertex_offsets(&parameters).unwrap();
+    let shape = [0.5, -1.0, 0.3, 0.0, 0.0, 1.0, 0.0, 0.2];
+    let plain = model.canonical_vertices(&shape, &[]).unwrap();
+    let smile = vec![0.0, 0.0, 1.5];
+    let smiling = model.canonical_vertices(&shape, &smile).unwrap();
+    let canonical = Pose { expression: smile.clone(), ..model.skeleton().canonical_pose(&shape) };
+    let offsets = model.vertex_offsets(&canonical).unwrap();
+    let resting = Pose { expression: smile, ..model.skeleton().rest_pose().in_shape(&shape) };
+    let expression = model.vertex_offsets(&resting).unwrap();
     assert!(offsets.iter().zip(&expression).any(|(both, expression)| both.distance(*expression) > 1e-3));
     let moved = |a: &[Vec3], b: &[Vec3]| a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
     // Skinning keeps lengths where one bone dominates and shortens them where bones disagree, never the other way.
     assert!(moved(&plain, &smiling) <= expression.iter().map(|offset| offset.length()).fold(0.0, f32::max) + 1e-5);
     assert!(moved(&plain, &smiling) > 1e-3);
-    let rest = model.pose(&BodyParameters { betas: parameters.betas, ..Default::default() }).unwrap().vertices;
-    let with_expression = model.pose(&parameters).unwrap().vertices;
+    let rest = model.pose(&model.skeleton().rest_pose().in_shape(&shape)).unwrap().vertices;
+    let with_expression = model.pose(&resting).unwrap().vertices;
     let sum: Vec<Vec3> = rest.iter().zip(&expression).map(|(vertex, offset)| *vertex + *offset).collect();
     assert_close(&with_expression, &sum, 1e-5);
 }
@@ -144,22 +150,43 @@ fn offsets_account_for_all_that_posing_adds() {
 #[test]
 fn global_motion_is_rigid() {
     let model = model();
-    let mut parameters = BodyModel::canonical_parameters(&[0.3; 10]);
-    let still = model.pose(&parameters).unwrap();
+    let mut pose = model.skeleton().canonical_pose(&[0.3; 10]);
+    let still = model.pose(&pose).unwrap();
     let turn = glam::Quat::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
-    parameters.global_orient = PoseAxisAngle(turn.to_scaled_axis());
-    parameters.transl = Vec3::new(0.1, -2.0, 3.0);
-    let moved = model.pose(&parameters).unwrap();
+    pose.rotations[0] = PoseAxisAngle(turn.to_scaled_axis());
+    pose.translation = Vec3::new(0.1, -2.0, 3.0);
+    let moved = model.pose(&pose).unwrap();
     let root = still.joints[0];
     let expected: Vec<Vec3> =
-        still.vertices.iter().map(|vertex| root + turn * (*vertex - root) + parameters.transl).collect();
+        still.vertices.iter().map(|vertex| root + turn * (*vertex - root) + pose.translation).collect();
     assert_close(&moved.vertices, &expected, 1e-5);
 }
 
 #[test]
-fn parameters_that_are_not_numbers_are_refused() {
-    let mut parameters = BodyParameters::default();
-    parameters.body_pose[4].0.y = f32::NAN;
-    let message = model().pose(&parameters).unwrap_err().to_string();
-    assert_eq!(message, "the rotation of joint 5 is NaN, expected finite");
+fn what_is_no_pose_of_the_model_is_refused() {
+    let model = model();
+    let message = |change: fn(&mut Pose)| {
+        let mut pose = model.skeleton().rest_pose();
+        change(&mut pose);
+        model.pose(&pose).unwrap_err().to_string()
+    };
+    let not_finite = message(|pose| pose.rotations[5].0.y = f32::NAN);
+    assert_eq!(not_finite, "the rotation of right_knee is [0, NaN, 0], expected finite");
+    assert!(message(|pose| pose.translation.x = f32::INFINITY).contains("the translation is [inf, 0, 0]"));
+    assert!(message(|pose| pose.shape = vec![f32::NAN]).contains("shape is NaN, expected finite"));
+    assert_eq!(
+        message(|pose| pose.expression = vec![0.0; 11]),
+        "expression is 11 coefficients, expected at most the body's 10"
+    );
+    assert_eq!(
+        message(|pose| pose.rotations.truncate(24)),
+        "the pose is 24 rotations, expected 55, for the SMPL-X skeleton (55 joints)"
+    );
+}
+
+#[test]
+fn parameters_of_another_skeleton_are_refused() {
+    let model = model();
+    let short = Pose { rotations: vec![PoseAxisAngle::default(); 24], ..Pose::default() };
+    assert!(model.resolve(&short.into()).unwrap_err().to_string().contains("24 rotations"));
 }

@@ -9,7 +9,7 @@ use xavatar::mesh::{SolidIndex, Topology, read_mesh};
 #[test]
 fn inside_test_matches_the_golden_torus() {
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
-    let mesh = read_mesh(golden.join("torus.ply")).unwrap();
+    let mesh = read_mesh(golden.join("torus.ply")).unwrap().mesh;
     let topology = Topology::of(&mesh);
     assert!(topology.is_watertight());
     assert_eq!(topology.euler_characteristic(), 0);

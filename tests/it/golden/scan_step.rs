@@ -5,10 +5,11 @@ use std::collections::HashMap;
 
 use candle_core::{DType, Device, Tensor};
 use glam::Vec3;
+use xavatar::body::smplx;
 use xavatar::config::{Config, FieldSettings, SkinningSettings, SkinningShape};
-use xavatar::fields::{CONDITION, Fields, Skinning};
-use xavatar::train::losses::{CanonicalBatch, LossEvaluator, WeightTargets};
-use xavatar_network::{GeometryShape, Mlp, Representation, TextureShape};
+use xavatar::fields::{Condition, Fields, PerField, Skinning};
+use xavatar::train::losses::{Anchors, CanonicalBatch, LossEvaluator, WeightTargets};
+use xavatar_network::{GeometryShape, KinematicTree, ParameterLayout, Representation, SkinningField, TextureShape};
 
 struct Golden(HashMap<String, Tensor>);
 
@@ -21,14 +22,20 @@ impl Golden {
         self.get(name).as_chunks().0.to_vec()
     }
 
-    fn parameters(&self, prefix: &str, mlp: &Mlp<f64>) -> Vec<f64> {
-        let entries = mlp.layout().entries().iter();
+    fn parameters(&self, prefix: &str, layout: &ParameterLayout) -> Vec<f64> {
+        let entries = layout.entries().iter();
         let names = entries.map(|entry| {
             let name = entry.name.replace("lin_p0.weight", "embed.w").replace("lin_p0.bias", "embed.b");
             name.replace("lin", "").replace("weight_", "").replace("bias", "b")
         });
         names.flat_map(|name| self.get(&format!("{prefix}.{name}"))).collect()
     }
+}
+
+fn layout_of_skinning(shape: &SkinningShape) -> ParameterLayout {
+    let tree = KinematicTree::new(&smplx::skeleton().parents).unwrap();
+    let field = SkinningField::<f64>::new(tree, shape.depth, shape.width, shape.frequencies, shape.blend.into());
+    field.unwrap().mlp().layout().clone()
 }
 
 #[test]
@@ -43,37 +50,43 @@ fn losses_and_gradients_match() {
         skinning: SkinningSettings::Network(skinning.clone()),
         condition_dropout: 0.0,
     };
-    let mut fields =
-        Fields::<f64>::new(&settings, Skinning::network(&skinning).unwrap(), (Vec3::NEG_ONE, Vec3::ONE)).unwrap();
-    let prefixes = ["shape", "texture", "skin"];
-    for (network, prefix) in fields.networks_mut().into_iter().zip(prefixes) {
-        let parameters = golden.parameters(prefix, network);
-        network.update(|target| target.copy_from_slice(&parameters));
-    }
+    let condition = Condition::new(smplx::skeleton(), smplx::EXPRESSIONS);
+    let learned = Skinning::network(&skinning, smplx::skeleton()).unwrap();
+    let mut fields = Fields::<f64>::new(&settings, &condition, learned, (Vec3::NEG_ONE, Vec3::ONE)).unwrap();
+    let layouts = PerField {
+        geometry: ("shape", fields.geometry.mlp.layout().clone()),
+        texture: ("texture", fields.texture.mlp.layout().clone()),
+        skinning: ("skin", layout_of_skinning(&skinning)),
+    };
+    let stored = layouts.as_ref().map(|(prefix, layout)| golden.parameters(prefix, layout));
+    fields.geometry.mlp.update(|target| target.copy_from_slice(&stored.geometry));
+    fields.texture.mlp.update(|target| target.copy_from_slice(&stored.texture));
+    fields.skinning.update(|target| target.copy_from_slice(&stored.skinning));
     let bones = golden.get("bone_transforms");
     let batch = CanonicalBatch {
         condition: golden.get("cond"),
         bones: bones.chunks_exact(16).map(|bone| std::array::from_fn(|index| bone[index])).collect(),
         off_points: golden.points("x_canonical_off"),
         off_targets: golden.get("occupancy"),
-        far_points: Vec::new(),
-        far_targets: Vec::new(),
         on_points: golden.points("x_canonical_on"),
         on_normals: golden.points("normal"),
         on_colours: golden.points("colour"),
-        bone_points: golden.points("bone_points"),
-        joint_weights: WeightTargets { points: golden.points("joint_points"), weights: golden.get("joint_weights") },
-        surface_weights: WeightTargets {
-            points: golden.points("surface_points"),
-            weights: golden.get("surface_weights"),
+        anchors: Anchors {
+            bone_points: golden.points("bone_points"),
+            joint_weights: WeightTargets {
+                points: golden.points("joint_points"),
+                weights: golden.get("joint_weights"),
+            },
+            surface_weights: WeightTargets {
+                points: golden.points("surface_points"),
+                weights: golden.get("surface_weights"),
+            },
+            eikonal_points: golden.points("x_canonical_on"),
+            ..Anchors::default()
         },
-        volume_weights: WeightTargets::default(),
-        eikonal_points: golden.points("x_canonical_on"),
-        free_points: Vec::new(),
-        free_bounds: Vec::new(),
         implicit_gradient: true,
     };
-    assert_eq!(batch.condition.len(), CONDITION);
+    assert_eq!(batch.condition.len(), condition.width());
     let losses = Config::preset("paper-scan").unwrap().losses;
 
     for threads in [1, 3] {
@@ -91,11 +104,11 @@ fn losses_and_gradients_match() {
             let expected = golden.get(name)[0];
             assert!((terms[term] - expected).abs() < 1e-9 * expected.abs(), "{term}: {} not {expected}", terms[term]);
         }
-        let gradients = evaluator.take_gradients(&fields);
-        for ((network, prefix), found) in fields.networks().into_iter().zip(prefixes).zip(&gradients) {
-            let expected = golden.parameters(&format!("d_total.{prefix}"), network);
+        let gradients = evaluator.sum_gradients(&fields, &mut []).to_vecs().named();
+        for ((_, (prefix, layout)), (_, found)) in layouts.as_ref().named().into_iter().zip(gradients) {
+            let expected = golden.parameters(&format!("d_total.{prefix}"), layout);
             let scale = expected.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
-            for entry in network.layout().entries() {
+            for entry in layout.entries() {
                 for index in entry.range.clone() {
                     let error = (found[index] - expected[index]).abs() / scale;
                     assert!(error < 1e-9, "{prefix}.{}: {} not {}", entry.name, found[index], expected[index]);

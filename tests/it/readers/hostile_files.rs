@@ -24,9 +24,9 @@ fn nothing_in_a_file_steers_the_terminal() {
     for (name, code, shown) in [
         ("e.npz", 1, "a\\u001b]0;x\\u0007"),
         ("g.npz", 0, "\\u001b[31mred"),
-        ("e.ply", 1, "\\u001b[2J"),
+        ("e.ply", 0, "u{1b}[2J"),
         ("e.pkl", 1, "u{1b}[31mos.system"),
-        ("m.obj", 1, "\\u001b]0;OWNED"),
+        ("m.obj", 0, "u{1b}]0;OWNED"),
     ] {
         for more in [&[][..], &["--json", "-"]] {
             let (found, printed) = info(&fixture("escapes").join(name), more);
@@ -70,7 +70,7 @@ fn messages_are_short_whatever_the_file_holds() {
 #[test]
 fn pipes_and_devices_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
-    for extension in ["npz", "npy", "pkl", "bvh", "ply", "obj", "safetensors"] {
+    for extension in ["npz", "npy", "pkl", "bvh", "ply", "obj", "glb", "safetensors"] {
         let pipe = folder.path().join(format!("pipe.{extension}"));
         assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
         let device = folder.path().join(format!("device.{extension}"));

@@ -3,16 +3,16 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use glam::{DQuat, DVec3, EulerRot, Vec3};
-use xavatar::body::{BodyParameters, HandPose, JOINT_NAMES, JOINTS, PARENTS, PoseAxisAngle};
+use glam::{DQuat, DVec3, EulerRot};
+use xavatar::body::{BodyParameters, HandPose, PoseAxisAngle, smplx};
 use xavatar::data::{Clip, Motion, MotionOptions, RestPose, UpAxis, read_motion};
 
 const FRAMES: usize = 3;
 
 /// A skeleton to write: joints in SMPL-X's order and tree, at rest in a pose of its own.
 struct Skeleton {
-    names: [String; JOINTS],
-    places: [DVec3; JOINTS],
+    names: Vec<String>,
+    places: Vec<DVec3>,
     /// Units per metre.
     unit: f64,
 }
@@ -21,19 +21,20 @@ impl Skeleton {
     /// SMPL-X's own, in centimetres.
     fn own() -> Self {
         let rest = RestPose::default();
-        Self { names: JOINT_NAMES.map(str::to_owned), places: rest.joints().map(|place| place.as_dvec3()), unit: 100.0 }
+        let places = rest.joints().iter().map(|place| place.as_dvec3()).collect();
+        Self { names: smplx::skeleton().joints.clone(), places, unit: 100.0 }
     }
 
     /// Turned as a whole.
     fn turned(mut self, turn: DQuat) -> Self {
-        self.places = self.places.map(|place| turn * place);
+        self.places.iter_mut().for_each(|place| *place = turn * *place);
         self
     }
 
     /// With what is below a joint turned about it, at rest.
     fn bent(mut self, joint: usize, turn: DQuat) -> Self {
         let pivot = self.places[joint];
-        for below in (joint + 1..JOINTS).filter(|below| is_below(*below, joint)) {
+        for below in (joint + 1..self.places.len()).filter(|below| is_below(*below, joint)) {
             self.places[below] = pivot + turn * (self.places[below] - pivot);
         }
         self
@@ -58,7 +59,8 @@ impl Skeleton {
     }
 
     fn children(joint: usize) -> impl Iterator<Item = usize> {
-        (1..JOINTS).filter(move |child| PARENTS[*child] == joint)
+        let parents = &smplx::skeleton().parents;
+        (1..parents.len()).filter(move |child| parents[*child] == Some(joint))
     }
 
     fn order(&self) -> Vec<usize> {
@@ -72,7 +74,7 @@ impl Skeleton {
     }
 
     fn write_joint(&self, joint: usize, text: &mut String) {
-        let parent = if joint == 0 { DVec3::ZERO } else { self.places[PARENTS[joint]] };
+        let parent = smplx::skeleton().parents[joint].map_or(DVec3::ZERO, |parent| self.places[parent]);
         let offset = (self.places[joint] - parent) * self.unit;
         let (kind, channels) = if joint == 0 {
             ("ROOT", "6 Xposition Yposition Zposition Zrotation Xrotation Yrotation")
@@ -90,11 +92,7 @@ impl Skeleton {
 }
 
 fn is_below(joint: usize, ancestor: usize) -> bool {
-    let mut joint = joint;
-    while joint > ancestor {
-        joint = PARENTS[joint];
-    }
-    joint == ancestor
+    std::iter::successors(Some(joint), |joint| smplx::skeleton().parents[*joint]).any(|above| above == ancestor)
 }
 
 /// A turn for each joint and frame, up to about half a radian.
@@ -107,33 +105,23 @@ fn path(frame: usize) -> DVec3 {
     DVec3::new(0.1 * frame as f64, 0.9, -0.2 * frame as f64)
 }
 
-fn rotations(frame: &BodyParameters) -> [PoseAxisAngle; JOINTS] {
-    let (HandPose::Flat(left), HandPose::Flat(right)) = (&frame.left_hand_pose, &frame.right_hand_pose) else {
-        panic!("BVH rotations are absolute");
-    };
-    std::array::from_fn(|joint| match joint {
-        0 => frame.global_orient,
-        1..=21 => frame.body_pose[joint - 1],
-        22 => frame.jaw_pose,
-        23 => frame.left_eye_pose,
-        24 => frame.right_eye_pose,
-        25..=39 => left[joint - 25],
-        _ => right[joint - 40],
-    })
+fn rotations(frame: &smplx::Parameters) -> Vec<PoseAxisAngle> {
+    BodyParameters::from(frame.clone()).absolute().expect("BVH rotations are absolute").rotations
 }
 
 /// Where SMPL-X's joints are, in metres.
-fn posed(frame: &BodyParameters) -> [DVec3; JOINTS] {
-    let rest = RestPose::default().joints().map(|place| place.as_dvec3());
-    let turns = rotations(frame).map(|turn| DQuat::from_scaled_axis(turn.0.as_dvec3()));
+fn posed(frame: &smplx::Parameters) -> Vec<DVec3> {
+    let rest: Vec<DVec3> = RestPose::default().joints().iter().map(|place| place.as_dvec3()).collect();
+    let turns: Vec<DQuat> =
+        rotations(frame).into_iter().map(|turn| DQuat::from_scaled_axis(turn.0.as_dvec3())).collect();
     fk(&rest, |joint| turns[joint], rest[0] + frame.transl.as_dvec3())
 }
 
-fn fk(rest: &[DVec3; JOINTS], turn: impl Fn(usize) -> DQuat, root: DVec3) -> [DVec3; JOINTS] {
-    let (mut places, mut world) = ([root; JOINTS], [DQuat::IDENTITY; JOINTS]);
+fn fk(rest: &[DVec3], turn: impl Fn(usize) -> DQuat, root: DVec3) -> Vec<DVec3> {
+    let (mut places, mut world) = (vec![root; rest.len()], vec![DQuat::IDENTITY; rest.len()]);
     world[0] = turn(0);
-    for joint in 1..JOINTS {
-        let parent = PARENTS[joint];
+    for (joint, parent) in smplx::skeleton().parents.iter().enumerate() {
+        let Some(parent) = *parent else { continue };
         places[joint] = places[parent] + world[parent] * (rest[joint] - rest[parent]);
         world[joint] = world[parent] * turn(joint);
     }
@@ -159,7 +147,7 @@ fn turns_of_the_same_skeleton_come_back() {
     for (index, frame) in motion.frames.iter().enumerate() {
         for (joint, found) in rotations(frame).into_iter().enumerate() {
             let expected = turn(index, joint).to_scaled_axis().as_vec3();
-            assert!(found.0.distance(expected) < 1e-6, "frame {index}, {}: {found:?}", JOINT_NAMES[joint]);
+            assert!(found.0.distance(expected) < 1e-6, "frame {index}, {}: {found:?}", smplx::skeleton().joints[joint]);
         }
         let pelvis = RestPose::default().pelvis();
         assert!(frame.transl.distance(path(index).as_vec3() - pelvis) < 1e-5);
@@ -184,7 +172,7 @@ fn bones_point_as_the_files_do_whatever_its_rest_pose() {
         for (from, to) in [(1, 4), (4, 7), (5, 8), (16, 18), (18, 20), (17, 19), (19, 21), (25, 26), (52, 53), (12, 15)]
         {
             let [expected, found] = [&file, &found].map(|places| (places[to] - places[from]).normalize());
-            assert!(found.distance(expected) < 1e-5, "{} in frame {index}", JOINT_NAMES[from]);
+            assert!(found.distance(expected) < 1e-5, "{} in frame {index}", smplx::skeleton().joints[from]);
         }
     }
 }
@@ -219,7 +207,7 @@ fn bones_that_have_no_joint_are_reported_and_their_turns_go_on() {
     assert!(notes.contains("follow their parents: left_collar"), "{notes}");
     let whole = read(&Skeleton::own().text(turn, path)).unwrap();
     for (found, expected) in motion.frames.iter().zip(&whole.frames) {
-        let world = |frame: &BodyParameters| {
+        let world = |frame: &smplx::Parameters| {
             let arm = [0, 3, 6, 9, 13, 16].map(|joint| DQuat::from_scaled_axis(rotations(frame)[joint].0.as_dvec3()));
             arm.into_iter().fold(DQuat::IDENTITY, |world, turn| world * turn)
         };
@@ -230,7 +218,7 @@ fn bones_that_have_no_joint_are_reported_and_their_turns_go_on() {
 #[test]
 fn bones_of_unknown_names_need_a_map() {
     let mut skeleton = Skeleton::own();
-    skeleton.names = std::array::from_fn(|joint| format!("bone{joint}"));
+    skeleton.names = (0..skeleton.places.len()).map(|joint| format!("bone{joint}")).collect();
     let text = skeleton.text(turn, path);
     let (_folder, path) = written(&text);
     let message = read_motion(&path).unwrap_err().to_string();
@@ -238,11 +226,11 @@ fn bones_of_unknown_names_need_a_map() {
         assert!(message.contains(word), "{message}");
     }
     let map = |joints: usize| {
-        let pairs = (0..joints).map(|joint| (format!("bone{joint}"), JOINT_NAMES[joint].to_owned()));
+        let pairs = (0..joints).map(|joint| (format!("bone{joint}"), smplx::skeleton().joints[joint].clone()));
         MotionOptions { bone_map: Some(pairs.collect()), ..MotionOptions::default() }
     };
     let clip = Clip::load(&path, &map(22)).unwrap();
     assert!(clip.frames[1].body_pose[4].0.distance(turn(1, 5).to_scaled_axis().as_vec3()) < 1e-6);
-    assert_eq!(clip.frames[1].left_hand_pose, HandPose::Flat([PoseAxisAngle(Vec3::ZERO); 15]));
+    assert_eq!(clip.frames[1].left_hand_pose, HandPose::Flat(Default::default()));
     assert!(Clip::load(&path, &map(18)).unwrap_err().to_string().contains("left_elbow"));
 }

@@ -10,7 +10,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use safetensors::SafeTensors;
 use xavatar::avatar::{Avatar, OfficialMeta};
-use xavatar::body::{BodyModel, BodyParameters, Gender, PoseAxisAngle};
+use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::formats::{Array, ArrayData, ArrayMap, Value, read_npz, read_torch, write_npz};
 use xavatar::{Error, InputError};
 use xavatar_network::{Representation, SkinningTrace, TextureField, Trace};
@@ -84,7 +84,8 @@ fn networks_answer_as_in_pytorch() {
 #[test]
 fn points_are_queried_one_by_one() {
     let avatar = imported("scan.pth");
-    let pose = BodyParameters { jaw_pose: PoseAxisAngle(Vec3::X * 0.2), expression: [0.5; 10], ..Default::default() };
+    let mut pose = Pose { expression: vec![0.5; 10], ..smplx::skeleton().rest_pose() };
+    pose.rotations[22] = PoseAxisAngle(Vec3::X * 0.2);
     let points = [Vec3::new(0.3, -0.2, 0.4), Vec3::new(-0.5, 0.6, 0.1), Vec3::new(1.0, 1.0, -1.0)];
     let samples = avatar.query(&points, &pose).unwrap();
     let value = |point: Vec3| f64::from(avatar.query(&[point], &pose).unwrap()[0].value);
@@ -117,7 +118,7 @@ fn the_subject_is_the_meta_files() {
 fn a_file_from_before_the_archives_is_told_from_a_broken_one() {
     let error = read_torch(golden("legacy.pth")).unwrap_err();
     assert!(
-        matches!(&error, InputError::Mismatch { remedy, .. } if remedy.contains("torch.save(torch.load(")),
+        matches!(&error, InputError::Mismatch { remedy, .. } if remedy.words().contains("torch.save(torch.load(")),
         "{error}"
     );
     let error = read_torch(golden("meta_info.npz")).unwrap_err();

@@ -5,18 +5,18 @@ use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 use xavatar::InputError;
-use xavatar::body::{BodyParameters, Gender, HandPose, PoseAxisAngle};
+use xavatar::body::{BodyParameters, Gender, HandPose, PoseAxisAngle, smplx};
 use xavatar::data::{FrameId, ScanFrame, Subject, read_frame, read_motion, write_subject};
 use xavatar::formats::{Array, ArrayData, ArrayMap, write_pickle};
 use xavatar::mesh::{Colouring, TriangleMesh};
 
 const BETAS: [f32; 10] = [0.5, -1.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.25, 1.0];
 
-fn parameters(seed: f32) -> BodyParameters {
+fn parameters(seed: f32) -> smplx::Parameters {
     let rotation = |joint: usize| PoseAxisAngle(Vec3::new(seed, 0.01 * joint as f32, -0.1));
-    BodyParameters {
-        betas: BETAS,
-        expression: std::array::from_fn(|index| seed + index as f32),
+    smplx::Parameters {
+        betas: BETAS.to_vec(),
+        expression: (0..10).map(|index| seed + index as f32).collect(),
         global_orient: rotation(0),
         body_pose: std::array::from_fn(|joint| rotation(1 + joint)),
         jaw_pose: rotation(22),
@@ -39,7 +39,7 @@ fn tetrahedron() -> TriangleMesh {
 
 fn frame(split: &str, sequence: &str, number: u32) -> ScanFrame {
     let id = FrameId { split: split.into(), sequence: sequence.into(), number };
-    ScanFrame { id, scan: tetrahedron(), parameters: parameters(number as f32) }
+    ScanFrame { id, scan: tetrahedron(), parameters: parameters(number as f32).into(), notes: Vec::new() }
 }
 
 /// A subject of three frames, preprocessed.
@@ -90,12 +90,12 @@ fn atlas_pickle(width: u8, height: u8, texels: &[u8]) -> Vec<u8> {
 fn a_written_subject_is_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let subject = subject(folder.path());
-    assert_eq!((subject.gender, subject.betas), (Gender::Female, BETAS));
+    assert_eq!((subject.gender, subject.betas.as_slice()), (Gender::Female, &BETAS[..]));
     let ids: Vec<String> = subject.train.iter().chain(&subject.test).map(|files| files.id.to_string()).collect();
     assert_eq!(ids, ["train/Take1/f00002", "train/Take1/f00010", "train/Take2/f00001", "test/Take3/f00007"]);
     for files in subject.train.iter().chain(&subject.test) {
         let read = read_frame(files, &subject.betas).unwrap();
-        assert_eq!(read.parameters, parameters(files.id.number as f32));
+        assert_eq!(read.parameters, parameters(files.id.number as f32).into());
         assert_eq!(read.scan.vertices, tetrahedron().vertices);
         assert_eq!(read.scan.faces, tetrahedron().faces);
         let (Colouring::Vertex(read), Colouring::Vertex(written)) = (read.scan.colouring, tetrahedron().colouring)
@@ -113,7 +113,7 @@ fn a_sequence_is_a_motion() {
     let sequence = folder.path().join("train/Take1");
     let motion = read_motion(&sequence).unwrap();
     assert_eq!(motion.frames, read_motion(sequence.join("SMPLX")).unwrap().frames);
-    let expected = [2.0, 10.0].map(|seed| BodyParameters { betas: [0.0; 10], ..parameters(seed) });
+    let expected = [2.0, 10.0].map(|seed| smplx::Parameters { betas: Vec::new(), ..parameters(seed) });
     assert_eq!(motion.frames, expected);
 }
 
@@ -175,9 +175,13 @@ fn a_damaged_frame_is_an_error_that_names_it() {
 
     fs::write(&atlas, atlas_pickle(1, 1, &[0; 3])).unwrap();
     assert!(read_frame(&files, &BETAS).is_ok());
-    write_pickle(&files.parameters, &ArrayMap::from([("transl".into(), Array::from_f32(&[3], vec![0.0; 3]))])).unwrap();
+    write_pickle(
+        files.parameters.path().unwrap(),
+        &ArrayMap::from([("transl".into(), Array::from_f32(&[3], vec![0.0; 3]))]),
+    )
+    .unwrap();
     assert!(complaint().contains("global_orient"));
-    fs::remove_file(&files.parameters).unwrap();
+    fs::remove_file(files.parameters.path().unwrap()).unwrap();
     assert!(complaint().contains("SMPL-X parameters not found"));
     // Its scan alone still makes it a frame of the subject.
     assert_eq!(Subject::open(folder.path()).unwrap().test.len(), 1);
@@ -188,7 +192,7 @@ fn what_a_subject_lacks_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let complaint = || Subject::open(folder).unwrap_err().to_string();
-    assert!(complaint().contains("gender"));
+    assert!(complaint().contains("X-Humans"));
     fs::write(folder.join("gender.txt"), "unknown").unwrap();
     assert!(complaint().contains("unknown"));
     fs::write(folder.join("gender.txt"), " Male\n").unwrap();
@@ -209,7 +213,10 @@ fn npy(element: &str, shape: &str, bytes: usize) -> Vec<u8> {
 fn hands_of_another_convention_are_not_written_as_if_relative() {
     let folder = tempfile::tempdir().unwrap();
     let mut flat = frame("train", "Take1", 1);
-    flat.parameters.left_hand_pose = HandPose::Flat(Default::default());
+    flat.parameters = BodyParameters::from(smplx::Parameters {
+        left_hand_pose: HandPose::Flat(Default::default()),
+        ..parameters(1.0)
+    });
     let error = write_subject(folder.path(), Gender::Neutral, &BETAS, [Ok(flat)]).unwrap_err();
     assert!(
         error.to_string().contains("train/Take1/f00001") && error.to_string().contains("left_hand_pose"),

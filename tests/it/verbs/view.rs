@@ -9,7 +9,7 @@ use glam::Vec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use xavatar::avatar::{Animator, Avatar, Subject};
-use xavatar::body::{BodyParameters, Gender, HandPose, PoseAxisAngle};
+use xavatar::body::{Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::config::{Config, SkinningSettings};
 use xavatar::export::{RiggedMesh, Rigging};
 use xavatar::fields::{Fields, Skinning};
@@ -36,13 +36,12 @@ fn untrained() -> &'static Avatar {
         ];
         let settings: Vec<_> = small.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
         let config = Config::preset_with("paper-scan", &settings).unwrap();
-        let betas = subject().betas();
-        let joints = subject().model().canonical_joints(&betas).unwrap().to_vec();
         let bounds = (Vec3::splat(-1.3), Vec3::splat(1.3));
         let SkinningSettings::Network(shape) = &config.fields.skinning else { unreachable!("a paper preset") };
-        let mut fields = Fields::new(&config.fields, Skinning::network(shape).unwrap(), bounds).unwrap();
+        let subject = Subject::of(subject().model(), Gender::Neutral, subject().betas(), bounds, 0).unwrap();
+        let skinning = Skinning::network(shape, &subject.skeleton).unwrap();
+        let mut fields = Fields::new(&config.fields, &subject.condition(), skinning, bounds).unwrap();
         fields.initialise(5);
-        let subject = Subject { gender: Gender::Neutral, betas, joints, bounds, frames: 0 };
         Avatar { fields, config, subject, steps: 0 }
     })
 }
@@ -57,7 +56,7 @@ fn rig() -> &'static RiggedMesh {
     RIG.get_or_init(|| {
         let rigging = Rigging { resolution: RESOLUTION, influences: 4, correctives: 0 };
         let clip = dance();
-        let frames = &clip.frames[..3];
+        let frames = &clip.poses(None).unwrap()[..3];
         rigging.rig(untrained(), Some(subject().model()), frames, clip.frames_per_second, |_, _| {}).unwrap().0
     })
 }
@@ -110,22 +109,23 @@ const JSON: &str = "Content-Type: application/json\r\n";
 
 #[test]
 fn the_mesh_is_that_of_the_animator_for_the_same_parameters() {
-    let mut parameters = BodyParameters { transl: Vec3::new(0.3, 1.1, -2.0), ..BodyParameters::default() };
-    parameters.global_orient = PoseAxisAngle(Vec3::Y * 0.4);
-    parameters.body_pose[17] = PoseAxisAngle(Vec3::new(0.1, -0.7, 0.2));
-    parameters.jaw_pose = PoseAxisAngle(Vec3::X * 0.2);
-    parameters.expression[3] = 1.5;
-    let mut fingers = [PoseAxisAngle::default(); 15];
-    fingers[4] = PoseAxisAngle(Vec3::Z * -0.9);
-    parameters.left_hand_pose = HandPose::Flat(fingers);
-    let triple = |vector: Vec3| serde_json::json!(vector.to_array());
-    let all = |turns: &[PoseAxisAngle]| turns.iter().map(|turn| triple(turn.0)).collect::<Vec<_>>();
-    let body = serde_json::json!({ "resolution": RESOLUTION, "parameters": {
-        "transl": triple(parameters.transl), "global_orient": triple(parameters.global_orient.0),
-        "body_pose": all(&parameters.body_pose), "jaw_pose": triple(parameters.jaw_pose.0),
-        "expression": parameters.expression, "left_hand_pose": all(&fingers),
+    let skeleton = smplx::skeleton();
+    let turns = [
+        ("pelvis", Vec3::Y * 0.4),
+        ("left_elbow", Vec3::new(0.1, -0.7, 0.2)),
+        ("jaw", Vec3::X * 0.2),
+        ("left_middle2", Vec3::Z * -0.9),
+    ];
+    let (expression, translation) = (vec![0.0, 0.0, 0.0, 1.5], Vec3::new(0.3, 1.1, -2.0));
+    let mut pose = Pose { expression: expression.clone(), translation, ..skeleton.rest_pose() };
+    for (name, turn) in turns {
+        pose.rotations[skeleton.joint(name).unwrap()] = PoseAxisAngle(turn);
+    }
+    let rotations: std::collections::BTreeMap<_, _> = turns.into_iter().collect();
+    let body = serde_json::json!({ "resolution": RESOLUTION, "pose": {
+        "rotations": rotations, "expression": expression, "translation": translation,
     }});
-    let expected = animator().extract(&parameters, RESOLUTION).unwrap().mesh;
+    let expected = animator().extract(&pose, RESOLUTION).unwrap().mesh;
     serving(&site(), |address| {
         let received = exchange(address, &post(body.to_string().as_bytes(), JSON));
         let (head, body) = head_and_body(&received);
@@ -157,7 +157,7 @@ fn the_page_is_served_with_its_policy_and_its_name_escaped() {
 #[test]
 fn other_pages_get_nothing() {
     let get = |fields: &str| format!("GET / HTTP/1.1\r\n{fields}\r\n").into_bytes();
-    let valid = br#"{"parameters": {}, "resolution": 16}"#;
+    let valid = br#"{"pose": {}, "resolution": 16}"#;
     serving(&site(), |address| {
         // A foreign name that resolves to this machine; a foreign page; a form, which needs no permission to be sent.
         assert_eq!(status(&exchange(address, &get("Host: evil.example\r\n"))), 421);
@@ -323,7 +323,7 @@ fn honest_clients_are_answered_in_a_crowd() {
 
 /// Requests none of which is a good one.
 fn malformed() -> Vec<Vec<u8>> {
-    let body = br#"{"parameters": {"jaw_pose": [0.25, 0, 0]}, "resolution": 64}"#;
+    let body = br#"{"pose": {"rotations": {"jaw": [0.25, 0, 0]}}, "resolution": 64}"#;
     let valid = post(body, JSON);
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut requests: Vec<Vec<u8>> = Vec::new();
@@ -427,7 +427,7 @@ fn two_hundred_malformed_requests_get_a_4xx_and_cost_no_memory() {
             let grown = after.saturating_sub(before);
             assert!(grown < 16 << 20, "{grown} bytes more after {} requests", requests.len());
         }
-        let received = exchange(address, &post(br#"{"parameters": {}, "resolution": 16}"#, JSON));
+        let received = exchange(address, &post(br#"{"pose": {}, "resolution": 16}"#, JSON));
         assert_eq!(status(&received), 200, "alive, and still posing");
     });
 }

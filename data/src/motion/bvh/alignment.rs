@@ -6,7 +6,7 @@
 //! what they hang on. What the smallest turn leaves open, the turn of a limb about itself, may be given: [`Roll`].
 
 use glam::{DQuat, DVec3};
-use xavatar_body::{JOINTS, PARENTS};
+use xavatar_body::smplx;
 
 use super::stance::Stance;
 
@@ -32,7 +32,7 @@ pub(super) struct Reference<'a> {
 }
 
 /// Turns of upper limbs about their own direction, radians, by joint.
-pub(super) type Roll = [f64; JOINTS];
+pub(super) type Roll = Vec<f64>;
 
 /// How a joint is aligned.
 #[derive(Clone, Copy, PartialEq)]
@@ -64,18 +64,19 @@ impl Manner {
 /// G_j of each joint that has a bone.
 #[derive(Clone)]
 pub(super) struct Axes {
-    in_bone: [Option<DQuat>; JOINTS],
+    in_bone: Vec<Option<DQuat>>,
 }
 
 impl Axes {
     /// Aligns the joints, each in its reference; `root` is G_0.
-    pub(super) fn new(references: &[Reference; JOINTS], root: DQuat, roll: &Roll, own: &Stance) -> Self {
-        let mut axes = Self { in_bone: [None; JOINTS] };
+    pub(super) fn new(references: &[Reference], root: DQuat, roll: &Roll, own: &Stance) -> Self {
+        let mut axes = Self { in_bone: vec![None; references.len()] };
         axes.in_bone[0] = Some(root);
-        for joint in 1..JOINTS {
+        for (joint, parent) in smplx::skeleton().parents.iter().enumerate() {
+            let Some(parent) = *parent else { continue };
             let Reference { stance, up, is_rest } = references[joint];
             let Some(turn) = stance.turn(joint) else { continue };
-            let above = axes.of(PARENTS[joint], stance);
+            let above = axes.of(parent, stance);
             let aligned = match (Manner::of(joint, own), stance.direction(joint)) {
                 (Manner::Limb(t_pose), Some(direction)) => {
                     let smallest = smallest_turn(above * t_pose, direction, above * DVec3::Z) * above;
@@ -99,10 +100,8 @@ impl Axes {
             if let (Some(turn), Some(axes)) = (stance.turn(joint), self.in_bone[joint]) {
                 return (turn * axes).normalize();
             }
-            if joint == 0 {
-                return DQuat::IDENTITY;
-            }
-            joint = PARENTS[joint];
+            let Some(parent) = smplx::skeleton().parents[joint] else { return DQuat::IDENTITY };
+            joint = parent;
         }
     }
 

@@ -19,10 +19,10 @@ mod upright;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{Motion, RestPose};
+use super::{Motion, RestPose, Warning};
 use retarget::{Retargeting, Unusable};
 use skeleton::Bvh;
-use xavatar_formats::{Error, Result, read_bytes};
+use xavatar_formats::{Choice, Error, Remedy, Result, read_bytes};
 
 const FORMAT: &str = "BVH motion";
 const PERSON: &str = "the bones of a person, by names of a common skeleton";
@@ -39,8 +39,11 @@ pub(super) fn read(path: &Path, rest: &RestPose, map: Option<&BTreeMap<String, S
     let bytes = read_bytes(path)?;
     // Only names can be in another encoding, and they only have to stay apart.
     let mut bvh = parse::parse(&String::from_utf8_lossy(&bytes)).map_err(|fault| fault.in_file(path, FORMAT))?;
-    let mut warnings = bvh.oddities.clone();
-    warnings.extend(keep_person(&mut bvh, map));
+    let mut warnings: Vec<Warning> = bvh.oddities.iter().map(Warning::plain).collect();
+    if bvh.frame_time.is_none() {
+        warnings.push(Warning::choosing(Choice::FrameRate, "the file says that no time passes between frames"));
+    }
+    warnings.extend(keep_person(&mut bvh, map).map(Warning::plain));
     let bones = match map {
         Some(map) => bones::declared(&bvh.joints, map)?,
         None => bones::recognised(&bvh.joints),
@@ -48,13 +51,20 @@ pub(super) fn read(path: &Path, rest: &RestPose, map: Option<&BTreeMap<String, S
     let frames_per_second = bvh.frame_time.map(rate);
     let draft = bones::draft(&bvh.joints, &bones);
     let retargeting = Retargeting::new(bvh, bones, rest).map_err(|unusable| match unusable {
-        Unusable::Missing(joints) => Error::UnknownBones { path: path.into(), missing: joints.join(", "), map: draft },
+        Unusable::Missing(joints) => Error::UnknownBones {
+            path: path.into(),
+            missing: joints.join(", "),
+            map: draft,
+            remedy: Remedy::choosing(Choice::BoneMap, "complete this map, save it as map.toml and give it"),
+        },
         Unusable::NoBody(without) => Error::Mismatch {
             path: path.into(),
             found: format!("a skeleton without {without}"),
             expected: PERSON.into(),
-            remedy: "if bones were taken for others, say which is which joint (--bones map.toml, docs/motion.md)"
-                .into(),
+            remedy: Remedy::choosing(
+                Choice::BoneMap,
+                "if bones were taken for others, say which is which joint (docs/motion.md)",
+            ),
         },
     })?;
     warnings.extend_from_slice(retargeting.doubts());

@@ -6,7 +6,7 @@
 //! which they lie most as in a T-pose, and turned about themselves as knees and elbows bend.
 
 use glam::{DQuat, DVec3};
-use xavatar_body::{JOINT_NAMES, JOINTS};
+use xavatar_body::smplx;
 
 use super::alignment::{Axes, Reference, Roll};
 use super::hinges::HINGES;
@@ -137,7 +137,9 @@ impl<'a> RestPose<'a> {
                 let before = worst.entry(joint).or_default();
                 *before = before.max(degrees);
             });
-            let faults = worst.iter().map(|(joint, degrees)| format!("{} {degrees:.0} degrees", JOINT_NAMES[*joint]));
+            let faults = worst
+                .iter()
+                .map(|(joint, degrees)| format!("{} {degrees:.0} degrees", smplx::skeleton().joints[*joint]));
             faults.collect::<Vec<_>>().join(", ")
         };
         if !self.twisted.is_empty() {
@@ -210,7 +212,7 @@ impl<'a> RestPose<'a> {
     ) -> Option<(Axes, Vec<(Part, usize)>)> {
         let mut served = Vec::new();
         let here = Reference { stance: self.stance, up: Some(self.up()), is_rest: true };
-        let mut references = [here; JOINTS];
+        let mut references = vec![here; smplx::skeleton().joints.len()];
         for part in Part::ALL.into_iter().filter(|part| !self.believes(*part)) {
             let off = |frame: &Stance| off_the_t_pose(frame, part);
             let best = (0..frames.len()).min_by(|one, other| off(&frames[*one]).total_cmp(&off(&frames[*other])))?;
@@ -221,15 +223,15 @@ impl<'a> RestPose<'a> {
             }
             let up = stance.body().map(|body| world_up.near(body * DVec3::Y)).filter(|_| stands);
             served.push((part, best));
-            for joint in (0..JOINTS).filter(|joint| Part::of(*joint) == part) {
-                references[joint] = Reference { stance, up, is_rest: false };
+            for (_, reference) in references.iter_mut().enumerate().filter(|(joint, _)| Part::of(*joint) == part) {
+                *reference = Reference { stance, up, is_rest: false };
             }
         }
         let root = match self.believes(Part::Trunk) {
             true => self.axes,
             false => references[0].stance.turn(0)?.inverse() * references[0].stance.body()?,
         };
-        let mut roll: Roll = [0.0; JOINTS];
+        let mut roll: Roll = vec![0.0; references.len()];
         let straight = Axes::new(&references, root, &roll, own);
         for hinge in HINGES.iter().filter(|hinge| !self.believes(Part::of(hinge.upper))) {
             roll[hinge.upper] = hinge.roll(&straight, frames).unwrap_or(0.0);

@@ -9,7 +9,8 @@
 //! path is scaled by the ratio of the legs, which settles the file's unit too. Double precision.
 
 use glam::{DQuat, DVec3, Vec3};
-use xavatar_body::{BodyParameters, HandPose, JOINT_NAMES, JOINTS, PARENTS, PoseAxisAngle};
+use xavatar_body::{Pose, PoseAxisAngle, smplx};
+use xavatar_formats::Choice;
 
 use super::alignment::{Axes, Manner, Reference};
 use super::bones::Bones;
@@ -19,7 +20,7 @@ use super::rest_pose::{Part, RestPose, degrees};
 use super::skeleton::Bvh;
 use super::stance::Stance;
 use super::upright::WorldUp;
-use crate::motion::{RestPose as AvatarRest, UpAxis};
+use crate::motion::{RestPose as AvatarRest, UpAxis, Warning};
 
 /// Without these there is no person: pelvis, hips, knees, ankles, shoulders, elbows.
 const REQUIRED: [usize; 11] = [0, 1, 2, 4, 5, 7, 8, 16, 17, 18, 19];
@@ -50,22 +51,21 @@ pub(super) struct Retargeting {
     scale: f64,
     pelvis: DVec3,
     report: Vec<String>,
-    doubts: Vec<String>,
+    doubts: Vec<Warning>,
 }
 
 impl Retargeting {
     /// Matches the skeletons.
     pub(super) fn new(bvh: Bvh, bones: Bones, rest: &AvatarRest) -> Result<Self, Unusable> {
-        let missing: Vec<&str> =
-            REQUIRED.into_iter().filter(|joint| bones[*joint].is_none()).map(|joint| JOINT_NAMES[joint]).collect();
+        let missing: Vec<&str> = REQUIRED.into_iter().filter(|joint| bones[*joint].is_none()).map(name).collect();
         if !missing.is_empty() {
             return Err(Unusable::Missing(missing));
         }
         let (bvh, mirrored) = unmirrored(bvh, &bones)?;
         let (stance, frames) = stances(&bvh, &bones);
-        let own_rest = Stance::at_rest(&rest.joints().map(|place| place.as_dvec3()));
-        let at_own_rest = [Reference { stance: &own_rest, up: Some(DVec3::Y), is_rest: true }; JOINTS];
-        let own = Axes::new(&at_own_rest, DQuat::IDENTITY, &[0.0; JOINTS], &own_rest);
+        let own_rest = Stance::at_rest(rest.joints().iter().map(|place| place.as_dvec3()));
+        let at_own_rest = vec![Reference { stance: &own_rest, up: Some(DVec3::Y), is_rest: true }; bones.len()];
+        let own = Axes::new(&at_own_rest, DQuat::IDENTITY, &vec![0.0; bones.len()], &own_rest);
 
         let without = "hips and shoulders apart from each other, as a body has";
         let mut at_rest = RestPose::new(&stance).ok_or(Unusable::NoBody(without))?;
@@ -76,20 +76,19 @@ impl Retargeting {
             at_rest.disbelieve(twisted);
             (axes, served) = at_rest.aligned(&frames, &own_rest, &up).ok_or(Unusable::NoBody(without))?;
         }
-        let mut doubts: Vec<String> = at_rest
+        let mut doubts: Vec<Warning> = at_rest
             .faults()
             .map(|faults| {
                 let parts = served.iter().map(|(part, frame)| format!("{part} in frame {}", 1 + frame * step(&bvh)));
                 let parts: Vec<String> = parts.collect();
-                format!(
-                    "the rest pose is not to be believed: {faults}; aligned where they are most as in a T-pose: {}",
-                    parts.join(", ")
-                )
+                let aligned = parts.join(", ");
+                let words = "aligned where they are most as in a T-pose";
+                Warning::plain(format!("the rest pose is not to be believed: {faults}; {words}: {aligned}"))
             })
             .into_iter()
             .collect();
-        doubts.extend(mirrored.then(|| MIRRORED.to_owned()));
-        doubts.extend(up.doubt.map(str::to_owned));
+        doubts.extend(mirrored.then(|| Warning::choosing(Choice::BoneMap, MIRRORED)));
+        doubts.extend(up.doubt.map(|doubt| Warning::choosing(Choice::UpAxis, doubt)));
         let (file, avatar) = (stance.leg_lengths(), own_rest.leg_lengths());
         let scale = if file > 0.0 && avatar > 0.0 { avatar / file } else { 1.0 };
         let pelvis = rest.pelvis().as_dvec3();
@@ -99,7 +98,7 @@ impl Retargeting {
     }
 
     /// SMPL-X parameters of each frame, in the file's axes; at least one.
-    pub(super) fn frames(&self) -> Vec<BodyParameters> {
+    pub(super) fn frames(&self) -> Vec<smplx::Parameters> {
         self.bvh.frames().map(|row| self.frame(row)).collect()
     }
 
@@ -114,49 +113,41 @@ impl Retargeting {
     }
 
     /// What the user should look at, a line each.
-    pub(super) fn doubts(&self) -> &[String] {
+    pub(super) fn doubts(&self) -> &[Warning] {
         &self.doubts
     }
 
-    fn frame(&self, row: &[f64]) -> BodyParameters {
+    fn frame(&self, row: &[f64]) -> smplx::Parameters {
         let world = self.bvh.posed(row);
-        let mut facing = [DQuat::IDENTITY; JOINTS];
-        for joint in 0..JOINTS {
-            facing[joint] = match (self.bones[joint], self.axes.in_bone(joint)) {
-                (Some(bone), Some(axes)) => world[bone].turn * axes * self.own.of(joint, &self.own_rest).inverse(),
-                _ => facing[PARENTS[joint]],
-            };
+        let parents = &smplx::skeleton().parents;
+        let above = |facing: &[DQuat], joint: usize| parents[joint].map_or(DQuat::IDENTITY, |parent| facing[parent]);
+        let mut facing = Vec::with_capacity(parents.len());
+        for (joint, bone) in self.bones.iter().enumerate() {
+            facing.push(match (bone, self.axes.in_bone(joint)) {
+                (Some(bone), Some(axes)) => world[*bone].turn * axes * self.own.of(joint, &self.own_rest).inverse(),
+                _ => above(&facing, joint),
+            });
         }
         let turn = |joint: usize| {
-            let parent = if joint == 0 { DQuat::IDENTITY } else { facing[PARENTS[joint]] };
-            let turn = parent.inverse() * facing[joint];
+            let turn = above(&facing, joint).inverse() * facing[joint];
             let turn = if turn.w < 0.0 { -turn } else { turn };
             PoseAxisAngle(turn.to_scaled_axis().as_vec3())
         };
-        let transl =
+        let translation =
             self.bones[0].map_or(Vec3::ZERO, |bone| (world[bone].position * self.scale - self.pelvis).as_vec3());
-        BodyParameters {
-            global_orient: turn(0),
-            body_pose: std::array::from_fn(|joint| turn(1 + joint)),
-            jaw_pose: turn(22),
-            left_eye_pose: turn(23),
-            right_eye_pose: turn(24),
-            left_hand_pose: HandPose::Flat(std::array::from_fn(|joint| turn(25 + joint))),
-            right_hand_pose: HandPose::Flat(std::array::from_fn(|joint| turn(40 + joint))),
-            transl,
-            ..BodyParameters::default()
-        }
+        let rotations = (0..parents.len()).map(turn).collect();
+        smplx::Parameters::from(&Pose { rotations, translation, ..Pose::default() })
     }
 
     fn describe(&self, rest: &RestPose, stance: &Stance) -> Vec<String> {
         let joints = &self.bvh.joints;
-        let mapped = (0..JOINTS).filter_map(|joint| Some((joint, self.bones[joint]?)));
+        let mapped = self.bones.iter().enumerate().filter_map(|(joint, bone)| Some((joint, (*bone)?)));
         let pairs: Vec<String> =
-            mapped.map(|(joint, bone)| format!("{} -> {}", joints[bone].name, JOINT_NAMES[joint])).collect();
+            mapped.map(|(joint, bone)| format!("{} -> {}", joints[bone].name, name(joint))).collect();
         let ignored = (0..joints.len()).filter(|bone| !self.bones.contains(&Some(*bone)));
         let ignored: Vec<&str> = ignored.map(|bone| joints[bone].name.as_str()).collect();
         let unmapped: Vec<&str> =
-            (0..JOINTS).filter(|joint| self.bones[*joint].is_none()).map(|joint| JOINT_NAMES[joint]).collect();
+            (0..self.bones.len()).filter(|joint| self.bones[*joint].is_none()).map(name).collect();
         let turn = |joint: &usize| {
             let Manner::Limb(t_pose) = Manner::of(*joint, &self.own_rest) else { return 0.0 };
             let body = self.axes.of(0, stance).inverse();
@@ -165,7 +156,7 @@ impl Retargeting {
         let turned: Vec<String> = [16, 17, 1, 2]
             .iter()
             .filter(|joint| rest.believes(Part::of(**joint)) && turn(joint) > NOTABLE_TURN)
-            .map(|joint| format!("{} {:.0} degrees", JOINT_NAMES[*joint], turn(joint)))
+            .map(|joint| format!("{} {:.0} degrees", name(*joint), turn(joint)))
             .collect();
         let mut report = vec![format!("bones: {} of {} used: {}", pairs.len(), joints.len(), pairs.join(", "))];
         if !ignored.is_empty() {
@@ -184,6 +175,11 @@ impl Retargeting {
 
 const MIRRORED: &str = "the skeleton is a mirror image: where its left and right bones are, its toes and knees point backward; \
      it is read as of a left-handed world, so that what is called left stays left";
+
+/// A joint's name.
+fn name(joint: usize) -> &'static str {
+    &smplx::skeleton().joints[joint]
+}
 
 /// The skeleton with its world right-handed, and whether it was not.
 fn unmirrored(mut bvh: Bvh, bones: &Bones) -> Result<(Bvh, bool), Unusable> {

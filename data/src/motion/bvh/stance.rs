@@ -3,7 +3,7 @@
 //! The body's axes are left, up and forward, of hips and collar bones alone: they need no bone's own axes.
 
 use glam::{DMat3, DQuat, DVec3};
-use xavatar_body::{JOINTS, PARENTS};
+use xavatar_body::smplx;
 
 use super::bones::Bones;
 use super::skeleton::Place;
@@ -22,18 +22,18 @@ const APART: f64 = 0.02;
 
 /// The joints of a body, as far as a skeleton has them.
 pub(super) struct Stance {
-    places: [Option<Place>; JOINTS],
+    places: Vec<Option<Place>>,
 }
 
 impl Stance {
     /// The joints' bones among those of a skeleton.
     pub(super) fn of(world: &[Place], bones: &Bones) -> Self {
-        Self { places: bones.map(|bone| bone.map(|bone| world[bone])) }
+        Self { places: bones.iter().map(|bone| bone.map(|bone| world[bone])).collect() }
     }
 
     /// SMPL-X's own skeleton, nothing turned.
-    pub(super) fn at_rest(joints: &[DVec3; JOINTS]) -> Self {
-        Self { places: joints.map(|position| Some(Place { turn: DQuat::IDENTITY, position })) }
+    pub(super) fn at_rest(joints: impl Iterator<Item = DVec3>) -> Self {
+        Self { places: joints.map(|position| Some(Place { turn: DQuat::IDENTITY, position })).collect() }
     }
 
     pub(super) fn position(&self, joint: usize) -> Option<DVec3> {
@@ -105,13 +105,7 @@ impl Stance {
 
     /// The nearest joint above that has a place.
     pub(super) fn above(&self, joint: usize) -> Option<usize> {
-        let mut above = joint;
-        while above > 0 {
-            above = PARENTS[above];
-            if self.places[above].is_some() {
-                return Some(above);
-            }
-        }
-        None
+        let parents = &smplx::skeleton().parents;
+        std::iter::successors(parents[joint], |above| parents[*above]).find(|above| self.places[*above].is_some())
     }
 }

@@ -53,14 +53,14 @@ impl WorldUp {
                 axis: standing,
                 reason: "the body stands along it",
                 doubt: Some(
-                    "which way is up shows only in the frames, where the body stands: if it lies, declare the axis that is up with --up",
+                    "which way is up shows only in the frames, where the body stands: if it lies, declare the axis that is up",
                 ),
             },
             (None, None) => Self {
                 axis: UpAxis::Y,
                 reason: "the format's",
                 doubt: Some(
-                    "which way is up shows neither at rest nor in the frames; Y is taken: declare it with --up if it is another",
+                    "which way is up shows neither at rest nor in the frames; Y is taken: declare the axis if it is another",
                 ),
             },
         }

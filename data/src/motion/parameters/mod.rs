@@ -36,9 +36,14 @@ pub(super) struct Choice {
     pub(super) person: Option<String>,
 }
 
-pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
+pub(crate) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
     let found = sets(arrays).next().is_some() || easymocap::spread(arrays).is_some();
     found.then_some(()).ok_or_else(|| format!("no {}, alone or under a prefix", names::quoted(names::BODY)))
+}
+
+/// Reads the parameters of the person of whom there is most.
+pub(crate) fn read_named(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
+    read(path, arrays, &mut Choice::default())
 }
 
 /// The prefixes of sets of parameters, in the order of their names.
@@ -99,8 +104,8 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap, choice: &mut Choice) -> Resul
         lines.dedup();
     }
     if has_both_sets || has_both_names {
-        let other = if coordinates == Coordinates::World { "camera" } else { "world" };
-        motion.notes.push(format!("in {coordinates} coordinates; --from {other} reads those of the {other}"));
+        let other = if coordinates == Coordinates::World { Coordinates::Camera } else { Coordinates::World };
+        motion.notes.push(format!("in {coordinates} coordinates; the file has a motion in {other} too"));
     }
     if !others.is_empty() {
         motion.notes.push(format!("the file's longest motion; others in it are left out: {}", others.join(", ")));
@@ -172,9 +177,9 @@ fn has_worlds_names(arrays: &ArrayMap, prefix: &str) -> bool {
 fn rate(fields: &Fields, prefix: &str) -> Result<Option<f32>> {
     let keys = names::RATE.iter().flat_map(|name| [format!("{prefix}{name}"), (*name).to_owned()]);
     let Some(key) = keys.into_iter().find(|key| fields.arrays.contains_key(key)) else { return Ok(None) };
-    match fields.vector::<1>(&key)? {
-        [rate] if rate > 0.0 => Ok(Some(rate)),
-        [rate] => Err(fields.malformed(&key, rate, "a positive number of frames a second")),
+    match fields.number(&key)? {
+        rate if rate > 0.0 => Ok(Some(rate)),
+        rate => Err(fields.malformed(&key, rate, "a positive number of frames a second")),
     }
 }
 

@@ -9,7 +9,7 @@ use super::rows::Rows;
 use super::tools::Tool;
 use crate::fields::Fields;
 use crate::motion::{Coordinates, Motion};
-use xavatar_body::{BodyParameters, HandPose, PoseAxisAngle};
+use xavatar_body::{HandPose, PoseAxisAngle, smplx};
 use xavatar_formats::{Array, Error, Result};
 
 /// The parameters under one prefix.
@@ -85,29 +85,26 @@ impl Record<'_> {
             Ok(joints.iter().map(|row| rows.hand_in_pose(&row[first..first + 15])).collect())
         };
         let (left_hands, right_hands) = (hands(names::LEFT_HAND, 0)?, hands(names::RIGHT_HAND, 1)?);
-        let mut coefficients = |names: &'static [Name]| -> Result<Vec<[f32; 10]>> {
-            rows.coefficients(names)?.map_or_else(
-                || {
-                    missing(names);
-                    Ok(vec![[0.0; 10]; rows.frames])
-                },
-                Ok,
-            )
+        let mut coefficients = |names: &'static [Name], used: usize| -> Result<Vec<Vec<f32>>> {
+            Ok(rows.coefficients(names, used)?.unwrap_or_else(|| {
+                missing(names);
+                vec![Vec::new(); rows.frames]
+            }))
         };
-        let expressions = coefficients(names::EXPRESSION)?;
+        let expressions = coefficients(names::EXPRESSION, smplx::EXPRESSIONS)?;
         let betas = match layout.model {
-            Model::Body | Model::SmplX => coefficients(names::BETAS)?,
+            Model::Body | Model::SmplX => coefficients(names::BETAS, smplx::SHAPES)?,
             // Coefficients of SMPL and SMPL+H mean other shapes.
-            Model::Smpl | Model::SmplH => vec![[0.0; 10]; rows.frames],
+            Model::Smpl | Model::SmplH => vec![Vec::new(); rows.frames],
         };
         let translations = rows.translations(layout.model, &roots)?.unwrap_or_else(|| {
             missing(names::TRANSLATION);
             vec![Vec3::ZERO; rows.frames]
         });
         let frames = left_hands.into_iter().zip(right_hands).enumerate();
-        let frames = frames.map(|(index, (left_hand_pose, right_hand_pose))| BodyParameters {
-            betas: betas[index],
-            expression: expressions[index],
+        let frames = frames.map(|(index, (left_hand_pose, right_hand_pose))| smplx::Parameters {
+            betas: betas[index].clone(),
+            expression: expressions[index].clone(),
             global_orient: roots[index],
             body_pose: std::array::from_fn(|joint| joints[index][joint]),
             jaw_pose: jaws[index],
@@ -130,9 +127,9 @@ impl Record<'_> {
     /// The frames of the one person, where rows are people, and what is said of the others.
     fn of_one_person(
         &self,
-        frames: Vec<BodyParameters>,
+        frames: Vec<smplx::Parameters>,
         layout: Layout,
-    ) -> (Vec<BodyParameters>, Option<&'static str>) {
+    ) -> (Vec<smplx::Parameters>, Option<&'static str>) {
         if !self.rows_are_people() {
             return (frames, (layout.people > 1).then_some("of several people in its arrays the first is read"));
         }

@@ -96,20 +96,20 @@ impl Rows<'_> {
     fn has_flat_hands(&self) -> Result<bool> {
         let keys = [self.record.key(names::FLAT_HANDS), names::FLAT_HANDS.to_owned()];
         match keys.iter().find(|key| self.record.fields.arrays.contains_key(*key)) {
-            Some(key) => Ok(self.record.fields.vector::<1>(key)? != [0.0]),
+            Some(key) => Ok(self.record.fields.number(key)? != 0.0),
             None => Ok(self.record.tool.flat_hands),
         }
     }
 
-    /// The first 10 of at least as many coefficients a frame, or of all frames, if there are any.
-    pub(super) fn coefficients(&self, names: &'static [Name]) -> Result<Option<Vec<[f32; 10]>>> {
+    /// The first `used` of at least as many coefficients a frame, or of all frames, if there are any.
+    pub(super) fn coefficients(&self, names: &'static [Name], used: usize) -> Result<Option<Vec<Vec<f32>>>> {
         let Some((key, array)) = self.record.find(names) else { return Ok(None) };
         let elements = element_count(&array.shape).unwrap_or(0);
         let width = array.shape.last().copied().unwrap_or(0);
         let rows = elements.checked_div(width).unwrap_or(0);
         let fits = [1, self.people, self.frames, self.people * self.frames].contains(&rows);
-        if width < 10 || !fits {
-            let expected = format!("10 or more coefficients, once or for {} frames", self.frames);
+        if width < used || !fits {
+            let expected = format!("{used} or more coefficients, once or for {} frames", self.frames);
             return Err(self.record.fields.malformed(&key, array.description(), expected));
         }
         let whole = Rows { people: 1, frames: rows, ..*self };
@@ -117,7 +117,7 @@ impl Rows<'_> {
         let one_for_all = rows < self.frames || (rows == self.people && self.people > 1);
         let row = |index: usize| {
             let index = if one_for_all { 0 } else { index };
-            std::array::from_fn(|coefficient| values[index * width + coefficient])
+            values[index * width..][..used].to_vec()
         };
         Ok(Some((0..self.frames).map(row).collect()))
     }
@@ -151,8 +151,8 @@ impl Rows<'_> {
     fn scale(&self) -> Result<f32> {
         let key = self.record.key("smpl_scaling");
         let Some(array) = self.record.fields.arrays.get(&key) else { return Ok(1.0) };
-        match self.record.fields.vector::<1>(&key)? {
-            [scale] if scale > 0.0 => Ok(scale),
+        match self.record.fields.number(&key)? {
+            scale if scale > 0.0 => Ok(scale),
             _ => Err(self.record.fields.malformed(&key, array.description(), "a positive number")),
         }
     }

@@ -10,7 +10,7 @@ mod tree;
 
 use std::collections::BTreeMap;
 
-use xavatar_body::{JOINT_NAMES, JOINTS};
+use xavatar_body::smplx;
 use xavatar_formats::{Error, Result};
 
 use super::skeleton::Joint;
@@ -18,14 +18,14 @@ use name::{Name, Phalanx};
 use tree::Tree;
 
 /// The bone (an index into the file's joints) of each SMPL-X joint, if it has one.
-pub(super) type Bones = [Option<usize>; JOINTS];
+pub(super) type Bones = Vec<Option<usize>>;
 
 /// Finds the bones by their names and their places in the tree.
 pub(super) fn recognised(joints: &[Joint]) -> Bones {
     let names = Name::all(joints.iter().map(|joint| joint.name.as_str()));
     let tree = Tree { joints };
     let meaning = Meaning::of(&names);
-    let mut bones = [None; JOINTS];
+    let mut bones = vec![None; smplx::skeleton().joints.len()];
     for bone in 0..joints.len() {
         let Some(joint) = meaning.joint(&names[bone]).and_then(|joint| joint_index(&joint)) else { continue };
         let takes = bones[joint].is_none_or(|before: usize| {
@@ -159,7 +159,7 @@ impl Meaning {
 /// # Errors
 /// [`Error::Value`] for a bone that the file, or a joint that SMPL-X does not have.
 pub(super) fn declared(joints: &[Joint], map: &BTreeMap<String, String>) -> Result<Bones> {
-    let mut bones = [None; JOINTS];
+    let mut bones = vec![None; smplx::skeleton().joints.len()];
     for (bone, joint) in map {
         let names = || joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", ");
         let index = joints.iter().position(|other| other.name == *bone).ok_or_else(|| Error::Value {
@@ -170,12 +170,12 @@ pub(super) fn declared(joints: &[Joint], map: &BTreeMap<String, String>) -> Resu
         let joint = joint_index(joint).ok_or_else(|| Error::Value {
             name: format!("the joint of bone {bone}"),
             found: joint.clone(),
-            expected: format!("one of SMPL-X: {}", JOINT_NAMES.join(", ")),
+            expected: format!("one of SMPL-X: {}", smplx::skeleton().joints.join(", ")),
         })?;
         if bones[joint].replace(index).is_some() {
             return Err(Error::Value {
                 name: "the map".into(),
-                found: format!("two bones for {}", JOINT_NAMES[joint]),
+                found: format!("two bones for {}", smplx::skeleton().joints[joint]),
                 expected: "one a joint".into(),
             });
         }
@@ -187,14 +187,14 @@ pub(super) fn declared(joints: &[Joint], map: &BTreeMap<String, String>) -> Resu
 pub(super) fn draft(joints: &[Joint], bones: &Bones) -> Vec<String> {
     let line = |(index, joint): (usize, &Joint)| {
         let known = bones.iter().position(|bone| *bone == Some(index));
-        let (comment, known) = known.map_or(("# ", ""), |known| ("", JOINT_NAMES[known]));
+        let (comment, known) = known.map_or(("# ", ""), |known| ("", smplx::skeleton().joints[known].as_str()));
         format!("{comment}{:?} = \"{known}\"", joint.name)
     };
     joints.iter().enumerate().map(line).collect()
 }
 
 fn joint_index(name: &str) -> Option<usize> {
-    JOINT_NAMES.iter().position(|known| *known == name)
+    smplx::skeleton().joint(name)
 }
 
 #[cfg(test)]

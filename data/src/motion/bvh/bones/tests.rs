@@ -25,7 +25,8 @@ fn skeleton(text: &str) -> Vec<Joint> {
 fn mapped(text: &str) -> BTreeMap<&'static str, String> {
     let joints = skeleton(text);
     let bones = recognised(&joints);
-    bones.iter().zip(JOINT_NAMES).filter_map(|(bone, joint)| Some((joint, joints[(*bone)?].name.clone()))).collect()
+    let names = smplx::skeleton().joints.iter().map(String::as_str);
+    bones.iter().zip(names).filter_map(|(bone, joint)| Some((joint, joints[(*bone)?].name.clone()))).collect()
 }
 
 /// The joints must have these bones, and no others.
@@ -218,13 +219,14 @@ fn the_conventions_of_common_skeletons_are_known() {
 #[test]
 fn smplx_names_are_their_own_joints() {
     fn text(joint: usize) -> String {
-        let children: Vec<String> =
-            (1..JOINTS).filter(|child| xavatar_body::PARENTS[*child] == joint).map(text).collect();
-        let name = JOINT_NAMES[joint];
-        if children.is_empty() { name.to_owned() } else { format!("{name}({})", children.join(",")) }
+        let skeleton = smplx::skeleton();
+        let is_child = |child: &usize| skeleton.parents[*child] == Some(joint);
+        let children: Vec<String> = (0..skeleton.joints.len()).filter(is_child).map(text).collect();
+        let name = &skeleton.joints[joint];
+        if children.is_empty() { name.clone() } else { format!("{name}({})", children.join(",")) }
     }
     let found = mapped(&text(0));
-    assert_eq!(found.len(), JOINTS);
+    assert_eq!(found.len(), smplx::skeleton().joints.len());
     assert!(found.iter().all(|(joint, bone)| joint == bone), "{found:?}");
 }
 

@@ -88,7 +88,7 @@ impl Tree<'_> {
             [4, 7].iter().filter_map(|joint| bones[*joint]).map(|bone| self.joints[bone].offset.length()).sum();
         let is_helper =
             |bone: &usize| !bones.contains(&Some(*bone)) && self.joints[*bone].offset.length() <= COINCIDENT * leg;
-        let mut carriers = *bones;
+        let mut carriers = bones.clone();
         for carrier in carriers.iter_mut().flatten() {
             while let Some(below) = self.carries_on(*carrier, bones).filter(is_helper) {
                 *carrier = below;

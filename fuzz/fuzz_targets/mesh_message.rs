@@ -1,0 +1,5 @@
+//! `mesh_message` guided by coverage.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| xavatar_fuzz::run("mesh_message", bytes));

@@ -1,0 +1,47 @@
+//! The table of targets: a reader, and small sound files to begin with.
+
+mod arrays;
+mod avatars;
+mod meshes;
+mod pictures;
+mod requests;
+
+/// A reader of untrusted bytes.
+pub struct Target {
+    /// As cargo-fuzz and `corpus/` name it.
+    pub name: &'static str,
+    /// Reads; whether it had nothing to refuse.
+    pub read: fn(&[u8]) -> bool,
+    /// Files that it reads.
+    pub seeds: fn() -> Vec<Vec<u8>>,
+}
+
+/// All of them.
+pub const TARGETS: &[Target] = &[
+    Target { name: "npy", read: arrays::npy, seeds: arrays::npy_seeds },
+    Target { name: "npz", read: arrays::npz, seeds: arrays::npz_seeds },
+    Target { name: "npz_member", read: arrays::npz_member, seeds: arrays::npz_member_seeds },
+    Target { name: "pickle", read: arrays::pickle, seeds: arrays::pickle_seeds },
+    Target { name: "torch", read: arrays::torch, seeds: arrays::torch_seeds },
+    Target { name: "torch_pickle", read: arrays::torch_pickle, seeds: arrays::torch_pickle_seeds },
+    Target { name: "safetensors", read: arrays::safetensors, seeds: arrays::safetensors_seeds },
+    Target { name: "picture", read: pictures::picture, seeds: pictures::picture_seeds },
+    Target { name: "png", read: pictures::png, seeds: pictures::png_seeds },
+    Target { name: "depth", read: pictures::depth, seeds: pictures::depth_seeds },
+    Target { name: "ply", read: meshes::ply, seeds: meshes::ply_seeds },
+    Target { name: "obj", read: meshes::obj, seeds: meshes::obj_seeds },
+    Target { name: "glb", read: meshes::glb, seeds: meshes::glb_seeds },
+    Target { name: "glb_chunks", read: meshes::glb_chunks, seeds: meshes::glb_chunks_seeds },
+    Target { name: "avatar", read: avatars::avatar, seeds: avatars::avatar_seeds },
+    Target { name: "avatar_texts", read: avatars::avatar_texts, seeds: avatars::avatar_texts_seeds },
+    Target { name: "request", read: requests::request, seeds: requests::request_seeds },
+    Target { name: "pose", read: requests::pose, seeds: requests::pose_seeds },
+    Target { name: "mesh_message", read: requests::mesh_message, seeds: requests::mesh_message_seeds },
+];
+
+/// Lets the target of this name read; nothing if there is none.
+pub fn run(name: &str, bytes: &[u8]) {
+    if let Some(target) = TARGETS.iter().find(|target| target.name == name) {
+        (target.read)(bytes);
+    }
+}

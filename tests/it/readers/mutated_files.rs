@@ -1,0 +1,27 @@
+//! Every reader of untrusted bytes on mutated files; the long run is `cargo run --release -p xavatar-fuzz`.
+
+use xavatar_fuzz::{TARGETS, drive};
+
+/// So that all targets together take seconds.
+const INPUTS: u64 = 2000;
+
+#[test]
+fn no_reader_panics() {
+    for target in TARGETS {
+        if let Err(failure) = drive(target, 0, 0, INPUTS) {
+            panic!("{} panics over {:?}", target.name, String::from_utf8_lossy(&failure.bytes));
+        }
+    }
+}
+
+// Mutations of what is refused at its first byte would reach nothing.
+#[test]
+fn the_files_that_mutations_begin_with_are_sound() {
+    for target in TARGETS {
+        let seeds = (target.seeds)();
+        assert!(!seeds.is_empty(), "{}", target.name);
+        for (index, seed) in seeds.iter().enumerate() {
+            assert!((target.read)(seed), "seed {index} of {}", target.name);
+        }
+    }
+}
