@@ -18,7 +18,8 @@ pub use check::{
     CheckReport, CheckedFrames, Defect, DistanceReport, Finding, HandReport, SequenceReport, UnusableFrame, check,
 };
 pub use motion::{
-    Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
+    Clip, Coordinates, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, Warning, read_motion,
+    write_motion,
 };
 pub use notes::FrameNotes;
 pub use placement::{Origin, ScanPlacement};
