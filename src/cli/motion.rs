@@ -152,7 +152,7 @@ pub fn warn(clip: &Clip) {
 
 /// A warning, with the option for it.
 pub fn described(warning: &Warning) -> String {
-    let option = warning.choice.map_or_else(String::new, |choice| format!(" ({})", option(choice)));
+    let option = warning.choice.map_or_else(String::new, |choice| format!(" ({})", super::option(choice)));
     format!("{warning}{option}")
 }
 
