@@ -5,8 +5,9 @@
 
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
+use super::influences::Influences;
 use super::{BlendShapes, BodyModel, HandSpace, Skeleton};
 use xavatar_formats::{Error, Result};
 
@@ -36,13 +37,14 @@ pub struct Anatomy {
     pub hands: Vec<HandSpace>,
 }
 
-/// The joints at rest as an affine function of the coefficients, which every family's joint regressor comes to.
+/// The joints at rest as an affine function of the coefficients, which every family's joint regressor comes to; in double precision,
+/// since joints are sums over thousands of vertices.
 #[derive(Clone, Debug)]
 pub struct JointBasis {
     /// Joints of the mean shape (J).
-    pub template: Vec<Vec3>,
+    pub template: Vec<DVec3>,
     /// What each direction of shape and expression does to them (S + E, J).
-    pub directions: Vec<Vec<Vec3>>,
+    pub directions: Vec<Vec<DVec3>>,
 }
 
 /// Blend shapes that a pose drives.
@@ -50,8 +52,38 @@ pub struct JointBasis {
 pub enum Correctives {
     /// None.
     None,
-    /// By the entries, row by row, of R - I of every joint but the root: 9 (J - 1) directions.
+    /// By the entries, row by row, of R - I of every joint but the root: 9 (J - 1) directions (SMPL).
     RotationEntries(BlendShapes),
+    /// By q - (0, 0, 0, 1), x y z w, of the joints' unit quaternions (STAR, SUPR).
+    Quaternions {
+        /// The first joint that drives: 1, or 0 with the root.
+        first_joint: usize,
+        /// The coefficient that is one more feature, the last (STAR's second).
+        coefficient: Option<usize>,
+        /// 4 directions a joint, and one of that coefficient.
+        shapes: BlendShapes,
+    },
+}
+
+impl Correctives {
+    /// What they add, a direction for each feature.
+    pub(super) fn shapes(&self) -> Option<&BlendShapes> {
+        match self {
+            Self::None => None,
+            Self::RotationEntries(shapes) | Self::Quaternions { shapes, .. } => Some(shapes),
+        }
+    }
+
+    /// F, of a skeleton of this many joints.
+    fn features(&self, joints: usize) -> usize {
+        match self {
+            Self::None => 0,
+            Self::RotationEntries(_) => 9 * (joints - 1),
+            Self::Quaternions { first_joint, coefficient, .. } => {
+                4 * joints.saturating_sub(*first_joint) + usize::from(coefficient.is_some())
+            }
+        }
+    }
 }
 
 impl Anatomy {
@@ -85,14 +117,21 @@ impl Anatomy {
             let found = format!("{} and {} directions", template.len(), directions.len());
             return wrong("joint positions", found, format!("{joints} positions, and as many in {shapes} directions"));
         }
-        let correctives = match &self.correctives {
-            Correctives::None => None,
-            Correctives::RotationEntries(correctives) => Some((correctives, 9 * (joints - 1))),
-        };
-        if let Some((found, expected)) = correctives.filter(|(found, expected)| found.count() != *expected) {
-            return wrong("number of pose correctives", found.count().to_string(), expected.to_string());
+        let correctives = self.correctives.shapes();
+        let (found, expected) = (correctives.map_or(0, BlendShapes::count), self.correctives.features(joints));
+        if found != expected {
+            return wrong("number of pose correctives", found.to_string(), expected.to_string());
         }
-        let moved = [Some(&self.shapes), correctives.map(|(correctives, _)| correctives)];
+        if let Correctives::Quaternions { coefficient: Some(coefficient), .. } = self.correctives
+            && coefficient >= shapes
+        {
+            return wrong(
+                "the coefficient that drives a corrective",
+                coefficient.to_string(),
+                format!("below {shapes}"),
+            );
+        }
+        let moved = [Some(&self.shapes), correctives];
         match moved.into_iter().flatten().filter_map(BlendShapes::vertices).find(|moved| *moved != vertices) {
             Some(moved) => wrong("vertices that a blend shape moves", moved.to_string(), vertices.to_string()),
             None => Ok(()),
@@ -107,6 +146,7 @@ impl BodyModel {
     /// [`Error::Value`] naming what does not agree: numbers of vertices, joints or directions, weights that do not sum to 1.
     pub fn assemble(path: &Path, anatomy: Anatomy) -> Result<Self> {
         anatomy.check()?;
-        Ok(Self { path: path.to_path_buf(), anatomy })
+        let influences = Influences::of(&anatomy.skinning_weights, anatomy.skeleton.joints.len());
+        Ok(Self { path: path.to_path_buf(), anatomy, influences })
     }
 }

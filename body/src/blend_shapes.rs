@@ -46,6 +46,11 @@ impl BlendShapes {
         self.directions.len()
     }
 
+    /// The directions (K) of (V, 3) numbers; empty where one moves nothing.
+    pub(super) fn directions(&self) -> impl Iterator<Item = &[f32]> {
+        self.directions.iter().map(Vec::as_slice)
+    }
+
     /// V, as far as the directions say: none if all of them move nothing.
     pub(super) fn vertices(&self) -> Option<usize> {
         self.directions.iter().find(|direction| !direction.is_empty()).map(|direction| direction.len() / 3)

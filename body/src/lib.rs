@@ -7,11 +7,13 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod anatomy;
+mod batch;
 mod blend_shapes;
 mod bones;
 mod families;
 mod gender;
 mod hands;
+mod influences;
 mod model;
 mod model_file;
 mod parameters;
@@ -22,14 +24,16 @@ mod pose;
 mod posing;
 mod registration;
 mod skeleton;
+mod transfer;
 
 pub use anatomy::{Anatomy, Correctives, JointBasis};
+pub use batch::{PoseBatch, PosedBatch};
 pub use blend_shapes::BlendShapes;
 pub use bones::Bone;
-pub use families::smplx;
+pub use families::{flame, mano, smpl, smplh, smplx};
 pub use gender::Gender;
 pub use hands::{Fingers, HandPose, HandSpace};
-pub use model::BodyModel;
+pub use model::{BodyModel, Coefficients};
 pub use parameters::BodyParameters;
 pub use part_labels::{PartLabelSource, PartLabels};
 pub use parts::{Detail, Part, PartGroup, Role};
@@ -38,3 +42,4 @@ pub use posing::PosedBody;
 pub use posing::skin;
 pub use registration::Registration;
 pub use skeleton::Skeleton;
+pub use transfer::Transferred;

@@ -7,16 +7,28 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 
 use super::families::{read, stems};
+use super::influences::Influences;
 use super::{Anatomy, Gender, HandSpace, Skeleton};
 use xavatar_formats::{ArrayMap, read_npz, read_pickle_arrays};
 use xavatar_formats::{Error, Result};
 use xavatar_mesh::TriangleMesh;
+
+/// Which coefficients of a file are used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Coefficients {
+    /// The first ten of shape, and of expression where there is one: what registrations usually have and avatars are told.
+    #[default]
+    Usual,
+    /// All that the file has.
+    All,
+}
 
 /// A body model. [`pose`](Self::pose) turns a [`Pose`](super::Pose) into a body.
 #[derive(Clone, Debug)]
 pub struct BodyModel {
     pub(super) path: PathBuf,
     pub(super) anatomy: Anatomy,
+    pub(super) influences: Influences,
 }
 
 impl BodyModel {
@@ -53,7 +65,15 @@ impl BodyModel {
     /// [`Error::Mismatch`] for a model of a family that is not read, [`Error::Malformed`] for a key that is missing, has another
     /// shape, is not finite, or holds indices, weights or a kinematic tree that cannot be.
     pub fn from_arrays(path: &Path, arrays: &ArrayMap) -> Result<Self> {
-        Self::assemble(path, read(path, arrays)?)
+        Self::from_arrays_with(path, arrays, Coefficients::Usual)
+    }
+
+    /// As [`from_arrays`](Self::from_arrays), with a choice of coefficients.
+    ///
+    /// # Errors
+    /// As [`from_arrays`](Self::from_arrays).
+    pub fn from_arrays_with(path: &Path, arrays: &ArrayMap, coefficients: Coefficients) -> Result<Self> {
+        Self::assemble(path, read(path, arrays, coefficients)?)
     }
 
     /// The file that the model came from.
@@ -129,7 +149,7 @@ mod tests {
     fn the_name_of_the_file_has_to_agree_with_the_gender() {
         let folder = tempfile::tempdir().unwrap();
         let message = |path: &Path, gender| BodyModel::load(path, gender).unwrap_err().to_string();
-        assert!(message(folder.path(), Gender::Female).contains("SMPLX_FEMALE.npz or SMPLX_FEMALE.pkl not found"));
+        assert!(message(folder.path(), Gender::Female).contains("SMPLX_FEMALE.npz or SMPLX_FEMALE.pkl"));
         let path = folder.path().join("SMPLX_MALE.npz");
         assert!(message(&path, Gender::Female).contains("a male model by its name"));
     }

@@ -4,10 +4,10 @@
 
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::hands::HAND_COMPONENTS;
-use super::{BlendShapes, HandSpace, JointBasis};
+use super::{BlendShapes, Coefficients, HandSpace, JointBasis};
 use xavatar_formats::{Array, ArrayMap};
 use xavatar_formats::{Error, Result};
 
@@ -29,6 +29,48 @@ impl ModelFile<'_> {
         Some(tree.shape.get(1).copied().unwrap_or(0))
     }
 
+    /// V; none if there is no template.
+    pub(super) fn vertices(&self) -> Option<usize> {
+        self.shape("v_template")?.first().copied()
+    }
+
+    /// The extents of an array; none if it is absent.
+    pub(super) fn shape(&self, key: &str) -> Option<&[usize]> {
+        self.arrays.get(key).map(|array| array.shape.as_slice())
+    }
+
+    /// The last extent of an array.
+    pub(super) fn columns(&self, key: &str) -> Option<usize> {
+        self.shape(key)?.last().copied()
+    }
+
+    /// How many columns of `shapedirs` are used: `usual`, or all that there are.
+    pub(super) fn used_columns(&self, usual: usize, coefficients: Coefficients) -> Result<usize> {
+        let found = self.columns("shapedirs").ok_or_else(|| self.malformed("shapedirs", "absent", "(V, 3, shapes)"))?;
+        match coefficients {
+            Coefficients::All => Ok(found),
+            Coefficients::Usual if found >= usual => Ok(usual),
+            Coefficients::Usual => {
+                Err(self.malformed("shapedirs", format!("{found} columns"), format!("at least {usual}")))
+            }
+        }
+    }
+
+    /// The parent of each joint (J), from a tree whose joints come after their parents.
+    pub(super) fn kinematic_tree(&self) -> Result<Vec<Option<usize>>> {
+        let (values, shape) = self.floats("kintree_table", &[2, 0])?;
+        let joints = shape[1];
+        let parent = |joint: usize| {
+            let value = values[joint];
+            if value >= 0.0 && value < joint as f64 && value.fract() == 0.0 {
+                return Ok(Some(value as usize));
+            }
+            let place = format!("kintree_table[0][{joint}]");
+            Err(self.malformed(&place, value.to_string(), format!("a joint below {joint}")))
+        };
+        std::iter::once(Ok(None)).chain((1..joints).map(parent)).collect()
+    }
+
     /// The finite numbers of `key`, whose shape has to be `shape` (0 = any extent), and that shape.
     pub(super) fn floats(&self, key: &str, shape: &[usize]) -> Result<(Vec<f64>, &[usize])> {
         let array = self.array(key, shape)?;
@@ -44,6 +86,11 @@ impl ModelFile<'_> {
         let values = array.to_f32().ok_or_else(|| self.malformed(key, "text", "numbers"))?;
         self.require_sound(key, array, values.iter().copied())?;
         Ok(values)
+    }
+
+    /// The extents of an array, which have to be `shape` (0 = any).
+    pub(super) fn extents(&self, key: &str, shape: &[usize]) -> Result<&[usize]> {
+        Ok(&self.array(key, shape)?.shape)
     }
 
     fn array(&self, key: &str, shape: &[usize]) -> Result<&Array> {
@@ -141,11 +188,11 @@ impl ModelFile<'_> {
         }
     }
 
-    /// The pose correctives `posedirs` by the entries of R - I of all joints but the root.
-    pub(super) fn rotation_correctives(&self, vertices: usize, joints: usize) -> Result<BlendShapes> {
-        let features = 9 * (joints - 1);
-        let correctives = self.floats_f32("posedirs", &[vertices, 3, features])?;
-        Ok(BlendShapes::from_columns(&correctives, features, 0..features))
+    /// The pose correctives `posedirs` (V, 3, F) or (3 V, F).
+    pub(super) fn correctives(&self, vertices: usize, features: usize) -> Result<BlendShapes> {
+        let is_flat = self.shape("posedirs").is_some_and(|shape| shape.len() == 2);
+        let shape: &[usize] = if is_flat { &[3 * vertices, features] } else { &[vertices, 3, features] };
+        Ok(BlendShapes::from_columns(&self.floats_f32("posedirs", shape)?, features, 0..features))
     }
 
     /// The pose space of one hand.
@@ -196,10 +243,10 @@ impl JointRegressor {
     }
 
     /// The joints (J) of a field over vertices, in f64 as in the reference.
-    fn regress(&self, value: impl Fn(usize, usize) -> f64) -> Vec<Vec3> {
+    fn regress(&self, value: impl Fn(usize, usize) -> f64) -> Vec<DVec3> {
         let joint = |row: &Vec<(usize, f64)>| {
             let axis = |axis| row.iter().map(|(vertex, weight)| weight * value(*vertex, axis)).sum::<f64>();
-            Vec3::new(axis(0) as f32, axis(1) as f32, axis(2) as f32)
+            DVec3::new(axis(0), axis(1), axis(2))
         };
         self.rows.iter().map(joint).collect()
     }

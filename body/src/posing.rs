@@ -7,8 +7,9 @@
 use glam::{Affine3A, Mat3, Mat3A, Vec3};
 use rayon::prelude::*;
 
+use super::batch::features;
 use super::skeleton::rotation;
-use super::{BodyModel, Correctives, Pose};
+use super::{BodyModel, Pose};
 use xavatar_formats::Result;
 
 /// A body in the pose, shape and place of its parameters.
@@ -93,7 +94,7 @@ impl BodyModel {
         let rotations = self.joint_rotations(pose)?;
         let mut offsets = vec![Vec3::ZERO; self.vertex_count()];
         self.anatomy.shapes.add_to(&mut offsets, &self.coefficients(&[], &pose.expression));
-        self.anatomy.correctives.add_to(&mut offsets, &rotations);
+        self.add_correctives(&mut offsets, pose, &rotations);
         Ok(offsets)
     }
 
@@ -113,8 +114,17 @@ impl BodyModel {
     fn shaped(&self, pose: &Pose, rotations: &[Mat3A]) -> Vec<Vec3> {
         let mut vertices = self.template().to_vec();
         self.anatomy.shapes.add_to(&mut vertices, &self.coefficients(&pose.shape, &pose.expression));
-        self.anatomy.correctives.add_to(&mut vertices, rotations);
+        self.add_correctives(&mut vertices, pose, rotations);
         vertices
+    }
+
+    /// Adds what a pose, with its joints' `rotations` (J), does to the vertices (V) beyond skinning.
+    fn add_correctives(&self, vertices: &mut [Vec3], pose: &Pose, rotations: &[Mat3A]) {
+        let Some(shapes) = self.anatomy.correctives.shapes() else { return };
+        let axis_angles: Vec<[f32; 3]> = pose.rotations.iter().map(|rotation| rotation.0.to_array()).collect();
+        let rows: Vec<[f32; 9]> = rotations.iter().map(|rotation| rotation.transpose().to_cols_array()).collect();
+        let coefficients = self.coefficients(&pose.shape, &pose.expression);
+        shapes.add_to(vertices, &features(&self.anatomy.correctives, &axis_angles, &rows, &coefficients));
     }
 
     fn canonical_transforms(&self, shape: &[f32]) -> Result<Vec<Affine3A>> {
@@ -124,15 +134,15 @@ impl BodyModel {
 
     fn rest_joints(&self, shape: &[f32], expression: &[f32]) -> Vec<Vec3> {
         let coefficients = self.coefficients(shape, expression);
-        let mut joints = self.anatomy.joints.template.clone();
+        let mut joints: Vec<Vec3> = self.anatomy.joints.template.iter().map(|joint| joint.as_vec3()).collect();
         for (direction, coefficient) in self.anatomy.joints.directions.iter().zip(coefficients) {
-            joints.iter_mut().zip(direction).for_each(|(joint, moved)| *joint += *moved * coefficient);
+            joints.iter_mut().zip(direction).for_each(|(joint, moved)| *joint += moved.as_vec3() * coefficient);
         }
         joints
     }
 
     /// Shape, then expression, all that there are.
-    fn coefficients(&self, shape: &[f32], expression: &[f32]) -> Vec<f32> {
+    pub(super) fn coefficients(&self, shape: &[f32], expression: &[f32]) -> Vec<f32> {
         let mut coefficients = vec![0.0; self.anatomy.shapes.count()];
         let (of_shape, of_expression) = coefficients.split_at_mut(self.shape_coefficients());
         of_shape.iter_mut().zip(shape).for_each(|(all, given)| *all = *given);
@@ -152,16 +162,6 @@ impl BodyModel {
     }
 }
 
-impl Correctives {
-    /// Adds what a pose, given by its joints' rotations (J), does to the vertices (V).
-    fn add_to(&self, vertices: &mut [Vec3], rotations: &[Mat3A]) {
-        match self {
-            Self::None => {}
-            Self::RotationEntries(shapes) => shapes.add_to(vertices, &rotation_entries(rotations)),
-        }
-    }
-}
-
 /// Linear blend skinning in place: the mean of the `transforms` (J) by each vertex's row of `weights` (V, J), applied to it.
 pub fn skin(vertices: &mut [Vec3], weights: &[f32], transforms: &[Affine3A]) {
     let rows = weights.par_chunks_exact(transforms.len());
@@ -173,13 +173,4 @@ pub fn skin(vertices: &mut [Vec3], weights: &[f32], transforms: &[Affine3A]) {
         }
         *vertex = blend.transform_point3(*vertex);
     });
-}
-
-/// The entries, row by row, of R(theta_j) - I for all joints but the root.
-fn rotation_entries(rotations: &[Mat3A]) -> Vec<f32> {
-    let entry = |rotation: &Mat3A, at: usize| {
-        let (row, column) = (at / 3, at % 3);
-        rotation.col(column)[row] - if row == column { 1.0 } else { 0.0 }
-    };
-    rotations.iter().skip(1).flat_map(|rotation| (0..9).map(move |at| entry(rotation, at))).collect()
 }

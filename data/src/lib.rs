@@ -18,13 +18,14 @@ pub use check::{
     CheckReport, CheckedFrames, Defect, DistanceReport, Finding, HandReport, SequenceReport, UnusableFrame, check,
 };
 pub use motion::{
-    Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
+    Clip, Coordinates, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, Warning, read_motion,
+    write_motion,
 };
 pub use notes::FrameNotes;
 pub use placement::{Origin, ScanPlacement};
 pub use rgbd::{
     BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,
-    RgbdFrame, RgbdFrames, RgbdLayout, RgbdSource, RgbdSubject, check_rgbd, read_depth, write_depth,
+    RgbdFrame, RgbdFrames, RgbdLayout, RgbdSource, RgbdSubject, check_rgbd, parse_depth, read_depth, write_depth,
     write_rgbd_subject,
 };
 pub use subject::{FrameFile, FrameFiles, HandZero, Layout, Subject, read_frame};

@@ -29,6 +29,10 @@ pub enum Choice {
     CheckData,
     /// To say which bone is which joint.
     BoneMap,
+    /// To say which axis of a motion is up, or what its numbers are relative to.
+    UpAxis,
+    /// To say how many frames a second a motion has.
+    FrameRate,
     /// To learn more slowly.
     LearningRate,
 }

@@ -12,7 +12,7 @@ use image::{Rgb, RgbImage};
 
 use super::atlas::Atlas;
 use super::colours::UNKNOWN_COLOUR;
-use super::notes::{Loss, Note, counted};
+use super::notes::{Loss, Note, colour_notes, counted};
 use super::{Colouring, TriangleMesh};
 
 /// What a file says. V positions; positions of corners are in range, the others need not be.
@@ -71,73 +71,88 @@ struct Kind {
     coat: Coat,
 }
 
-impl Kind {
-    fn is_plain(&self) -> bool {
-        matches!(self.coat, Coat::Plain(_))
+/// The vertices met so far.
+struct Vertices {
+    /// The first kind of each position (V), then the others.
+    kinds: Vec<Option<Kind>>,
+    others: HashMap<Kind, u32>,
+}
+
+impl Vertices {
+    fn of_kind(&mut self, kind: Kind) -> u32 {
+        let first = self.kinds[kind.position as usize].get_or_insert(kind);
+        if *first == kind {
+            return kind.position;
+        }
+        *self.others.entry(kind).or_insert_with(|| {
+            self.kinds.push(Some(kind));
+            self.kinds.len() as u32 - 1
+        })
+    }
+
+    /// The position and, unless it is of no face, the kind of every vertex.
+    fn iter(&self) -> impl Iterator<Item = (usize, Option<Kind>)> {
+        let position =
+            |(vertex, kind): (usize, &Option<Kind>)| (kind.map_or(vertex, |kind| kind.position as usize), *kind);
+        self.kinds.iter().enumerate().map(position)
     }
 }
 
 impl Draft {
-    /// The mesh. What has to be left out of it is noted.
-    pub(super) fn assemble(mut self, notes: &mut Vec<Note>) -> TriangleMesh {
+    /// The mesh. What has to be left out of it is noted; `reasons` are why colours are lost already.
+    pub(super) fn assemble(mut self, mut reasons: Vec<String>, notes: &mut Vec<Note>) -> TriangleMesh {
         let has_normals = self.keep_whole_normals(notes);
-        let wrapped = self.keep_whole_coordinates(notes);
+        let coordinates = self.keep_whole_coordinates(&mut reasons);
         let atlas = self.atlas();
-        let coats = |index: usize, triangle: &Triangle| match (&atlas, triangle.paint) {
-            (Some((atlas, place)), Paint::Picture(picture)) => {
-                wrapped[index].map(|uv| at(atlas.uv(place[&Source::Picture(picture)], uv)))
-            }
-            (Some((atlas, place)), paint) => [at(atlas.uv(place[&Source::of(paint)], Vec2::splat(0.5))); 3],
-            (None, Paint::Plain(colour)) => [Coat::Plain(colour); 3],
-            (None, Paint::Vertices | Paint::Picture(_)) => [Coat::OfVertex; 3],
-        };
-
-        let mut kinds: Vec<Option<Kind>> = vec![None; self.positions.len()];
-        let mut split: HashMap<Kind, u32> = HashMap::new();
-        let mut vertex_of = |kind: Kind| -> u32 {
-            let first = kinds[kind.position as usize].get_or_insert(kind);
-            if *first == kind {
-                return kind.position;
-            }
-            *split.entry(kind).or_insert_with(|| {
-                kinds.push(Some(kind));
-                kinds.len() as u32 - 1
-            })
-        };
-        let faces = self.triangles.iter().enumerate().map(|(index, triangle)| {
-            let coats = coats(index, triangle);
-            std::array::from_fn(|k| {
+        let mut vertices = Vertices { kinds: vec![None; self.positions.len()], others: HashMap::new() };
+        let mut faces = Vec::with_capacity(self.triangles.len());
+        for (index, triangle) in self.triangles.iter().enumerate() {
+            let coats = match (&atlas, triangle.paint) {
+                (Some((atlas, place)), Paint::Picture(picture)) => {
+                    coordinates[index].map(|uv| at(atlas.uv(place[&Source::Picture(picture)], uv)))
+                }
+                (Some((atlas, place)), paint) => [at(atlas.uv(place[&Source::of(paint)], Vec2::splat(0.5))); 3],
+                (None, Paint::Plain(colour)) => [Coat::Plain(colour); 3],
+                (None, Paint::Vertices | Paint::Picture(_)) => [Coat::OfVertex; 3],
+            };
+            faces.push(std::array::from_fn(|k| {
                 let Corner { position, normal, .. } = triangle.corners[k];
-                vertex_of(Kind { position, normal: normal.filter(|_| has_normals), coat: coats[k] })
-            })
-        });
-        let faces: Vec<[u32; 3]> = faces.collect();
-        let source = |vertex: usize| kinds[vertex].map_or(vertex, |kind| kind.position as usize);
-        let all = || 0..kinds.len();
-        let normal_of = |kind: &Option<Kind>| kind.and_then(|kind| kind.normal).map(|n| self.normals[n as usize]);
-        let colouring = match atlas {
-            Some((atlas, _)) => {
-                let uv_of = |kind: &Option<Kind>| match kind {
-                    Some(Kind { coat: Coat::At(bits), .. }) => Vec2::from(bits.map(f32::from_bits)),
-                    _ => Vec2::ZERO,
-                };
-                Colouring::Texture { uvs: kinds.iter().map(uv_of).collect(), image: atlas.image }
-            }
-            None if self.colours.is_empty() && !kinds.iter().flatten().any(Kind::is_plain) => Colouring::None,
-            None => {
-                let colours = all().map(|vertex| match kinds[vertex] {
-                    Some(Kind { coat: Coat::Plain(colour), .. }) => Some(colour),
-                    _ => self.colours.get(source(vertex)).copied().flatten(),
-                });
-                vertex_colouring(colours.collect(), notes)
-            }
-        };
+                vertices.of_kind(Kind { position, normal: normal.filter(|_| has_normals), coat: coats[k] })
+            }));
+        }
+        let normal_of = |kind: Option<Kind>| kind.and_then(|kind| kind.normal).map(|n| self.normals[n as usize]);
+        let colouring = self.colouring(atlas.map(|(atlas, _)| atlas.image), &vertices, &mut reasons);
+        notes.extend(colour_notes(reasons, &colouring));
         TriangleMesh {
-            vertices: all().map(|vertex| self.positions[source(vertex)]).collect(),
+            vertices: vertices.iter().map(|(position, _)| self.positions[position]).collect(),
             faces,
-            normals: has_normals.then(|| kinds.iter().map(|kind| normal_of(kind).unwrap_or(Vec3::ZERO)).collect()),
+            normals: has_normals
+                .then(|| vertices.iter().map(|(_, kind)| normal_of(kind).unwrap_or_default()).collect()),
             colouring,
         }
+    }
+
+    /// Whether nothing says a colour.
+    pub(super) fn is_colourless(&self) -> bool {
+        self.colours.iter().all(Option::is_none) && self.triangles.iter().all(|face| face.paint == Paint::Vertices)
+    }
+
+    fn colouring(&self, picture: Option<Arc<RgbImage>>, vertices: &Vertices, reasons: &mut Vec<String>) -> Colouring {
+        if let Some(image) = picture {
+            let uv = |kind: Option<Kind>| match kind.map(|kind| kind.coat) {
+                Some(Coat::At(bits)) => Vec2::from(bits.map(f32::from_bits)),
+                _ => Vec2::ZERO,
+            };
+            return Colouring::Texture { uvs: vertices.iter().map(|(_, kind)| uv(kind)).collect(), image };
+        }
+        if self.colours.is_empty() && self.triangles.iter().all(|triangle| triangle.paint == Paint::Vertices) {
+            return Colouring::None;
+        }
+        let colour = |(position, kind): (usize, Option<Kind>)| match kind.map(|kind| kind.coat) {
+            Some(Coat::Plain(colour)) => Some(colour),
+            _ => self.colours.get(position).copied().flatten(),
+        };
+        vertex_colouring(vertices.iter().map(colour).collect(), reasons)
     }
 
     /// Leaves colours of faces out if there is no picture and all are one grey, which exporters write where they know no colour.
@@ -171,7 +186,7 @@ impl Draft {
 
     /// The texture coordinates of each triangle (F) with a picture, moved by whole numbers to the picture's own square: pictures
     /// repeat. Triangles without coordinates lose their picture.
-    fn keep_whole_coordinates(&mut self, notes: &mut Vec<Note>) -> Vec<[Vec2; 3]> {
+    fn keep_whole_coordinates(&mut self, reasons: &mut Vec<String>) -> Vec<[Vec2; 3]> {
         let uv_of = |corner: Corner| self.uvs.get(corner.uv? as usize).copied().filter(|uv| uv.is_finite());
         if !self.triangles.iter().any(|triangle| matches!(triangle.paint, Paint::Picture(_))) {
             return Vec::new();
@@ -201,12 +216,10 @@ impl Draft {
             wrapped.push(uvs);
         }
         if without > 0 {
-            let why = format!("{} without texture coordinates, which are grey", counted(without, "face"));
-            notes.push(Note::new(Loss::SomeColours, why));
+            reasons.push(format!("{} without texture coordinates", counted(without, "face")));
         }
         if across > 0 {
-            let why = format!("{} of a picture that repeats; its border goes on instead", counted(across, "face"));
-            notes.push(Note::new(Loss::SomeColours, why));
+            reasons.push(format!("{} of a picture that repeats; its border goes on instead", counted(across, "face")));
         }
         wrapped
     }
@@ -253,16 +266,15 @@ fn at(uv: Vec2) -> Coat {
     Coat::At(uv.to_array().map(f32::to_bits))
 }
 
-/// Colours of vertices (V) of which some may be unknown.
-pub(super) fn vertex_colouring(colours: Vec<Option<[u8; 3]>>, notes: &mut Vec<Note>) -> Colouring {
+/// Colours of vertices (V) of which some may be unknown; `reasons` are why colours are lost.
+pub(super) fn vertex_colouring(colours: Vec<Option<[u8; 3]>>, reasons: &mut Vec<String>) -> Colouring {
     let unknown = colours.iter().filter(|colour| colour.is_none()).count();
     if unknown == colours.len() {
-        notes.push(Note::new(Loss::Colours, "no vertex has one that is a number"));
+        reasons.push("no vertex has one that is a number".into());
         return Colouring::None;
     }
     if unknown > 0 {
-        let why = format!("{unknown} of {} vertices have none, and are grey", colours.len());
-        notes.push(Note::new(Loss::SomeColours, why));
+        reasons.push(format!("{unknown} of {} vertices have none, and are grey", colours.len()));
     }
     Colouring::Vertex(colours.into_iter().map(|colour| colour.unwrap_or(UNKNOWN_COLOUR)).collect())
 }

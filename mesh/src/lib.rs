@@ -37,7 +37,7 @@ pub use extract::{ExtractedSurface, ExtractionError, ExtractionGrid, FINEST_RESO
 pub use notes::{Loss, Note};
 pub use obj::write_obj;
 pub use ply::write_ply;
-pub use read::{MESH_EXTENSIONS, ReadMesh, read_mesh};
+pub use read::{MESH_EXTENSIONS, ReadMesh, parse_mesh, read_mesh};
 pub use sampling::SurfaceSampler;
 pub use surface::SurfacePoint;
 pub use texture::encode_png;

@@ -5,6 +5,8 @@ use std::fmt;
 use serde::Serialize;
 use xavatar_formats::excerpt;
 
+use super::Colouring;
+
 /// Something that a file says, or should say, and that is not in what was read of it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Note {
@@ -57,6 +59,12 @@ pub(super) fn listed(names: &[String]) -> String {
         list += &format!(" and {others} more");
     }
     list
+}
+
+/// Why colours are lost, as notes: all of them if the mesh ended without any.
+pub(super) fn colour_notes(reasons: Vec<String>, colouring: &Colouring) -> impl Iterator<Item = Note> {
+    let lost = if matches!(colouring, Colouring::None) { Loss::Colours } else { Loss::SomeColours };
+    reasons.into_iter().map(move |why| Note::new(lost, why))
 }
 
 /// Why colours are lost: the pictures of these names, if there are any, are not there.

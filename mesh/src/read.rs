@@ -43,12 +43,19 @@ pub const MESH_EXTENSIONS: [&str; 3] = ["ply", "obj", "glb"];
 /// inconsistent, holds positions that are no numbers, or no vertex at all, and for a broken picture.
 pub fn read_mesh(path: impl AsRef<Path>) -> Result<ReadMesh> {
     let path = path.as_ref();
-    let bytes = read_bytes(path)?;
+    parse_mesh(path, &read_bytes(path)?)
+}
+
+/// The mesh of a file's bytes; what they refer to is looked for beside `path`, where the file is or could be.
+///
+/// # Errors
+/// As [`read_mesh`].
+pub fn parse_mesh(path: &Path, bytes: &[u8]) -> Result<ReadMesh> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let (read, format) = match recognise(&bytes, &extension) {
-        Format::Ply => (read_ply(path, &bytes)?, "PLY"),
-        Format::Obj => (read_obj(path, &bytes)?, "OBJ"),
-        Format::Glb => (read_glb(path, &bytes)?, "GLB"),
+    let (read, format) = match recognise(bytes, &extension) {
+        Format::Ply => (read_ply(path, bytes)?, "PLY"),
+        Format::Obj => (read_obj(path, bytes)?, "OBJ"),
+        Format::Glb => (read_glb(path, bytes)?, "GLB"),
         Format::Other(name) => {
             return Err(Error::Mismatch {
                 path: path.into(),

@@ -1,30 +1,11 @@
-//! The two number types every kernel is written for: f32 in the product, f64 in oracles and derivative tests.
+//! What fields and deformers ask of a number, beyond arithmetic.
 
-use std::fmt::Debug;
-use std::iter::Sum;
-use std::ops::{AddAssign, DivAssign, MulAssign, SubAssign};
+use xavatar_vector::Scalar;
 
 use crate::activation::Elementwise;
 
 /// A floating-point number that fields and deformers compute with.
-pub trait Real:
-    num_traits::Float
-    + Elementwise
-    + Default
-    + Debug
-    + Send
-    + Sync
-    + Sum
-    + AddAssign
-    + SubAssign
-    + MulAssign
-    + DivAssign
-    + 'static
-{
-    /// The nearest number of this type.
-    fn of(value: f64) -> Self;
-    /// As f64, exactly.
-    fn wide(self) -> f64;
+pub trait Real: Scalar + Elementwise {
     /// Rounded toward zero; 0 for negative numbers and NaN, 2^31 - 1 for larger numbers.
     fn truncated(self) -> u32;
     /// A number below 2^24, exactly.
@@ -32,12 +13,6 @@ pub trait Real:
 }
 
 impl Real for f32 {
-    fn of(value: f64) -> Self {
-        value as f32
-    }
-    fn wide(self) -> f64 {
-        f64::from(self)
-    }
     #[inline(always)]
     fn truncated(self) -> u32 {
         // Through i32, which has vector instructions.
@@ -50,12 +25,6 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
-    fn of(value: f64) -> Self {
-        value
-    }
-    fn wide(self) -> f64 {
-        self
-    }
     #[inline(always)]
     fn truncated(self) -> u32 {
         // Through i32, which has vector instructions.

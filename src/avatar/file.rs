@@ -13,10 +13,12 @@ use crate::body::smplx;
 use crate::config::Config;
 use crate::fields::Fields;
 use crate::{Error, InputError, Result};
-use xavatar_formats::TensorFile;
+use xavatar_formats::{TensorFile, read_bytes};
 
 /// Version of the file's layout.
 const VERSION: u32 = 3;
+/// More coefficients of expression than any body model has.
+const MOST_EXPRESSIONS: usize = 1000;
 /// The version without a skeleton.
 const WITHOUT_SKELETON: u32 = 2;
 
@@ -54,22 +56,30 @@ impl Avatar {
                 remedy: "pass an avatar.safetensors or the folder of a finished run".into(),
             }));
         }
-        let file = TensorFile::read(&path)?;
-        let version: u32 = file.parsed(&path, "version")?;
+        Self::parse(&path, &read_bytes(&path)?)
+    }
+
+    /// What the bytes of an avatar file hold; errors name it as `path`.
+    ///
+    /// # Errors
+    /// As [`Avatar::load`].
+    pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let file = TensorFile::parse(bytes).map_err(|fault| fault.in_file(path, "safetensors file"))?;
+        let version: u32 = file.parsed(path, "version")?;
         if ![WITHOUT_SKELETON, VERSION].contains(&version) {
             return Err(Error::from(InputError::Mismatch {
-                path,
+                path: path.into(),
                 found: format!("an avatar file of version {version}"),
                 expected: format!("version {WITHOUT_SKELETON} or {VERSION}"),
                 remedy: "train it again, or use the program that wrote it".into(),
             }));
         }
-        let config = Config::parse(file.text(&path, "config")?)
-            .map_err(|error| malformed(&path, "config", error.to_string()))?;
-        let subject = subject(file.text(&path, "subject")?, version, &path)?;
+        let config =
+            Config::parse(file.text(path, "config")?).map_err(|error| malformed(path, "config", error.to_string()))?;
+        let subject = subject(file.text(path, "subject")?, version, path)?;
         let (skeleton, condition) = (&subject.skeleton, subject.condition());
-        let fields = Fields::read(&file, &path, &config.fields, skeleton, &condition, subject.bounds)?;
-        Ok(Self { fields, config, subject, steps: file.parsed(&path, "steps")? })
+        let fields = Fields::read(&file, path, &config.fields, skeleton, &condition, subject.bounds)?;
+        Ok(Self { fields, config, subject, steps: file.parsed(path, "steps")? })
     }
 }
 
@@ -88,6 +98,9 @@ fn subject(text: &str, version: u32, path: &Path) -> Result<Subject> {
     let has_box = low.is_finite() && high.is_finite() && low.cmplt(high).all();
     if joints != subject.skeleton.joints.len() || !has_box {
         return Err(broken(format!("{joints} joints in {low} to {high}")));
+    }
+    if subject.expressions > MOST_EXPRESSIONS {
+        return Err(broken(format!("{} expressions", subject.expressions)));
     }
     Ok(subject)
 }

@@ -58,6 +58,7 @@ impl Extract {
                 let (body, labels) = load_body(body, avatar.subject.gender)?;
                 let rest = RestPose::of_canonical(&avatar.subject.joints)?;
                 let clip = load_clip(pose, &MotionOptions { rest, ..MotionOptions::default() })?;
+                super::motion::warn(&clip);
                 let first = clip.poses(Some(&body))?.into_iter().next();
                 let pose = first.unwrap_or_else(|| body.skeleton().rest_pose());
                 avatar.extract_posed(&body, &labels, &pose, self.resolution)?

@@ -147,18 +147,22 @@ fn advice(error: &anyhow::Error) -> String {
         Some(error) => error.choice(),
         None => cause.downcast_ref::<InputError>()?.remedy()?.choice(),
     };
-    let option = |choice| -> Cow<'static, str> {
-        match choice {
-            Choice::SkipBadFrames => "--skip-bad-frames".into(),
-            Choice::ContinueRun => "--resume".into(),
-            Choice::StartRun => "the same command without --resume".into(),
-            Choice::Accept(defect) => format!("--accept {defect}").into(),
-            Choice::CheckData => "xavatar check".into(),
-            Choice::BoneMap => "--bone-map".into(),
-            Choice::LearningRate => "--set optimiser.learning_rate=...".into(),
-        }
-    };
     error.chain().find_map(choice_of).map_or_else(String::new, |choice| format!(" ({})", option(choice)))
+}
+
+/// What this program calls a choice.
+fn option(choice: Choice) -> Cow<'static, str> {
+    match choice {
+        Choice::SkipBadFrames => "--skip-bad-frames".into(),
+        Choice::ContinueRun => "--resume".into(),
+        Choice::StartRun => "the same command without --resume".into(),
+        Choice::Accept(defect) => format!("--accept {defect}").into(),
+        Choice::CheckData => "xavatar check".into(),
+        Choice::BoneMap => "--bones map.toml".into(),
+        Choice::UpAxis => "--up, --from camera".into(),
+        Choice::FrameRate => "--source-fps".into(),
+        Choice::LearningRate => "--set optimiser.learning_rate=...".into(),
+    }
 }
 
 fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {

@@ -6,8 +6,10 @@
 use rayon::prelude::*;
 use xavatar_network::{
     Backward, Bounds, GeometryField, KinematicTree, MlpGradient, SkinningField, SkinningTrace, SkinningWeights,
-    TextureField, Trace, matrix_product,
+    TextureField, Trace,
 };
+
+use xavatar_vector::{Matrix, MatrixMut, Write, product};
 
 use super::Seconds;
 use crate::body::smplx;
@@ -237,14 +239,15 @@ impl Product {
 
     /// Operations a second.
     fn rate(&mut self) -> f64 {
-        let extents = self.extents;
-        let work: usize = extents.iter().product();
+        let [rows, inner, columns] = self.extents;
+        let work = rows * inner * columns;
         let repeats = REFERENCE_WORK / work;
         let threads = self.operands.len();
         let seconds = Seconds::of(1, || {
             self.operands.par_iter_mut().for_each(|[c, a, b]| {
                 for _ in 0..repeats {
-                    matrix_product(extents, a, b, c);
+                    let (a, b) = (Matrix::new(a, rows, inner, inner), Matrix::new(b, inner, columns, columns));
+                    product(MatrixMut::new(c, rows, columns, columns), Write::Replace, a, b);
                 }
             });
         });

@@ -1,26 +1,11 @@
-//! Which vector instructions the kernels use on this machine: chosen once, when the program runs.
+//! What every kernel of the workspace stands on: number types, vector instructions chosen when the program runs, matrix products.
 //!
-//! Every kernel of the workspace that is worth it runs its inner loop in [`vectorised`]: one preamble, and no `unsafe`.
+//! Every kernel that is worth it runs its inner loop in [`vectorised`]: one preamble, and no `unsafe`.
 
-use std::sync::LazyLock;
+mod instructions;
+mod matrix;
+mod scalar;
 
-static ARCH: LazyLock<pulp::Arch> = LazyLock::new(pulp::Arch::new);
-
-/// Runs `pass` compiled for the widest vector instructions of this machine. `pass` must inline, or it is compiled for any machine.
-#[inline(always)]
-pub fn vectorised<R>(pass: impl FnOnce() -> R) -> R {
-    ARCH.dispatch(pass)
-}
-
-/// The instructions that [`vectorised`] passes are compiled for: what the `pulp` crate finds.
-pub fn pass_instructions() -> &'static str {
-    match *ARCH {
-        #[cfg(target_arch = "x86_64")]
-        pulp::Arch::V4(_) => "AVX-512",
-        #[cfg(target_arch = "x86_64")]
-        pulp::Arch::V3(_) => "AVX2 with FMA",
-        #[cfg(target_arch = "aarch64")]
-        pulp::Arch::Neon(_) => "NEON",
-        _ => "none",
-    }
-}
+pub use instructions::{pass_instructions, vectorised};
+pub use matrix::{Matrix, MatrixMut, Write, product};
+pub use scalar::Scalar;

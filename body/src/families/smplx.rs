@@ -3,17 +3,18 @@
 //! theta = global 3 + body 63 (21 joints) + jaw 3 + left eye 3 + right eye 3 + hands 45 + 45. The canonical pose is the T-pose
 //! but for hips turned +-pi/6 about z, jaw 0.2 about x and flat hands (thesis A.3.3); parts are those of A.3.2.
 
-use std::f32::consts::FRAC_PI_6;
 use std::sync::LazyLock;
 
 use glam::Vec3;
 
 use super::Family;
+use super::layout::{
+    BODY_NAMES, BODY_PARENTS, BODY_STARTS, Columns, Drive, canonical_body, hand_names, hand_parents, part, read_anatomy,
+};
 use crate::hands::HAND_JOINTS;
-use crate::model_file::{ModelFile, points};
+use crate::model_file::ModelFile;
 use crate::{
-    Anatomy, BlendShapes, Correctives, Detail, Fingers, HandPose, HandSpace, PartGroup, Pose, PoseAxisAngle, Role,
-    Skeleton,
+    Anatomy, Coefficients, Detail, Fingers, HandPose, HandSpace, PartGroup, Pose, PoseAxisAngle, Role, Skeleton,
 };
 use xavatar_formats::{Error, Result};
 
@@ -32,30 +33,14 @@ pub const SHAPES: usize = 10;
 /// Coefficients of the expression that are used, and that avatars are told.
 pub const EXPRESSIONS: usize = 10;
 
-/// What is expected where a file is another family's.
-pub(super) const EXPECTED: &str = "an SMPL-X model (55 joints)";
-
 /// How its files are found, recognised and read.
-pub(super) const FAMILY: Family =
-    Family { format: "SMPL-X model", stem: "SMPLX", recognises: |file| file.joints() == Some(JOINTS), read };
-
-#[rustfmt::skip]
-const NAMES: [&str; JOINTS] = [
-    "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle", "right_ankle", "spine3",
-    "left_foot", "right_foot", "neck", "left_collar", "right_collar", "head", "left_shoulder", "right_shoulder",
-    "left_elbow", "right_elbow", "left_wrist", "right_wrist", "jaw", "left_eye", "right_eye", "left_index1",
-    "left_index2", "left_index3", "left_middle1", "left_middle2", "left_middle3", "left_pinky1", "left_pinky2",
-    "left_pinky3", "left_ring1", "left_ring2", "left_ring3", "left_thumb1", "left_thumb2", "left_thumb3", "right_index1",
-    "right_index2", "right_index3", "right_middle1", "right_middle2", "right_middle3", "right_pinky1", "right_pinky2",
-    "right_pinky3", "right_ring1", "right_ring2", "right_ring3", "right_thumb1", "right_thumb2", "right_thumb3",
-];
-
-/// The parent of each joint but the root.
-const PARENTS: [usize; JOINTS - 1] = [
-    0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 15, 15, 15, // body, jaw, eyes
-    20, 25, 26, 20, 28, 29, 20, 31, 32, 20, 34, 35, 20, 37, 38, // left index, middle, pinky, ring, thumb
-    21, 40, 41, 21, 43, 44, 21, 46, 47, 21, 49, 50, 21, 52, 53, // right index, middle, pinky, ring, thumb
-];
+pub(super) const FAMILY: Family = Family {
+    name: "SMPL-X",
+    format: "SMPL-X model",
+    stem: "SMPLX",
+    recognises: |file| file.joints() == Some(JOINTS),
+    read,
+};
 
 /// The skeleton.
 pub fn skeleton() -> &'static Skeleton {
@@ -64,29 +49,28 @@ pub fn skeleton() -> &'static Skeleton {
 }
 
 fn build() -> Skeleton {
-    let mut canonical = vec![PoseAxisAngle::default(); JOINTS];
-    canonical[1] = PoseAxisAngle(Vec3::Z * FRAC_PI_6);
-    canonical[2] = PoseAxisAngle(Vec3::Z * -FRAC_PI_6);
+    let mut canonical = canonical_body(JOINTS);
     canonical[JAW] = PoseAxisAngle(Vec3::X * 0.2);
     // A wrist belongs to its hand, neck, jaw and eyes to the face.
     let hand = |wrist: usize, first: usize| std::iter::once(wrist).chain(first..first + HAND_JOINTS).collect();
     let (face, left, right): (_, Vec<usize>, Vec<usize>) =
         (vec![12, 15, JAW, LEFT_EYE, RIGHT_EYE], hand(20, LEFT_HAND), hand(21, RIGHT_HAND));
     let body = (0..JOINTS).filter(|joint| ![&face, &left, &right].iter().any(|part| part.contains(joint))).collect();
-    let part = |name: &str, role, joints: Vec<usize>, starts: Vec<usize>| PartGroup {
-        name: name.into(),
-        role,
-        joints,
-        starts,
-        detail: None,
-    };
+    let parents =
+        BODY_PARENTS.into_iter().chain([15; 3]).chain(hand_parents(20, LEFT_HAND)).chain(hand_parents(21, RIGHT_HAND));
     let eyes_mouth = Detail { name: "eyes_mouth".into(), joints: vec![LEFT_EYE, RIGHT_EYE] };
     Skeleton {
         family: "SMPL-X".into(),
-        joints: NAMES.map(str::to_owned).into(),
-        parents: std::iter::once(None).chain(PARENTS.map(Some)).collect(),
+        joints: BODY_NAMES
+            .into_iter()
+            .chain(["jaw", "left_eye", "right_eye"])
+            .map(str::to_owned)
+            .chain(hand_names(Some("left")))
+            .chain(hand_names(Some("right")))
+            .collect(),
+        parents: std::iter::once(None).chain(parents.map(Some)).collect(),
         parts: vec![
-            part("body", Role::Body, body, vec![0, 1, 2, 4, 5, 16, 17, 18, 19]),
+            part("body", Role::Body, body, BODY_STARTS.into()),
             PartGroup { detail: Some(eyes_mouth), ..part("face", Role::Face, face, vec![12, 15, JAW]) },
             part("left_hand", Role::Hands, left.clone(), left),
             part("right_hand", Role::Hands, right.clone(), right),
@@ -222,41 +206,31 @@ fn rotations<const N: usize>(components: &[f32]) -> [PoseAxisAngle; N] {
     })
 }
 
-fn read(file: &ModelFile) -> Result<Anatomy> {
+fn read(file: &ModelFile, coefficients: Coefficients) -> Result<Anatomy> {
     let skeleton = skeleton().clone();
-    let template = file.template()?;
-    let vertices = template.len() / 3;
+    let vertices = file.template()?.len() / 3;
     file.require_kinematic_tree(&skeleton.parents, &skeleton.family)?;
-    let faces = file.faces(vertices)?;
-    let skinning_weights = file.skinning_weights(vertices, JOINTS)?;
-    let regressor = file.joint_regressor(vertices, JOINTS)?;
-
-    let (directions, shape) = file.floats("shapedirs", &[vertices, 3, 0])?;
-    let stride = shape[2];
-    let first_expression = match stride {
+    let count = file.extents("shapedirs", &[vertices, 3, 0])?[2];
+    let first_expression = match count {
         20 => 10,
         400 => 300,
         _ => {
-            let found = format!("{stride} shape columns");
+            let found = format!("{count} shape columns");
             let remedy = "use the SMPL-X release itself; 16 columns and no expressions are SMPL+H's, as in AMASS";
             return Err(file.mismatch(found, "10 + 10 or 300 + 100 (shape + expression)", remedy));
         }
     };
-    let columns = || (0..SHAPES).chain(first_expression..first_expression + EXPRESSIONS);
-    Ok(Anatomy {
-        skeleton,
-        faces,
-        skinning_weights,
-        joints: regressor.basis(&template, &directions, stride, columns()),
-        shapes: BlendShapes::from_columns(&directions, stride, columns()),
-        expressions: EXPRESSIONS,
-        template: points(&template),
-        correctives: Correctives::RotationEntries(file.rotation_correctives(vertices, JOINTS)?),
-        hands: vec![
-            file.hand_space("hands_meanl", "hands_componentsl")?,
-            file.hand_space("hands_meanr", "hands_componentsr")?,
-        ],
-    })
+    let columns = match coefficients {
+        Coefficients::Usual => {
+            Columns { shape: 0..SHAPES, expression: first_expression..first_expression + EXPRESSIONS }
+        }
+        Coefficients::All => Columns { shape: 0..first_expression, expression: first_expression..count },
+    };
+    let hands = vec![
+        file.hand_space("hands_meanl", "hands_componentsl")?,
+        file.hand_space("hands_meanr", "hands_componentsr")?,
+    ];
+    read_anatomy(file, skeleton, &columns, Drive::RotationEntries, hands)
 }
 
 #[cfg(test)]

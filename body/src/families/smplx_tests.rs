@@ -60,7 +60,7 @@ fn message_with(key: &str, shape: &[usize], value: f64) -> String {
 
 #[test]
 fn models_of_other_families_are_named() {
-    for (joints, name) in [(24, "an SMPL model"), (52, "an SMPL+H model"), (16, "a MANO model"), (7, "7 joints")] {
+    for (joints, name) in [(24, "SMPL model"), (52, "SMPL+H model"), (16, "MANO model"), (7, "7 joints")] {
         let message = message_with("kintree_table", &[2, joints], 0.0);
         assert!(message.contains(name) && message.contains("SMPLX_MALE.npz"), "{message}");
     }

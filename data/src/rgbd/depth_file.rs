@@ -51,7 +51,10 @@ pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthPicture> {
 type Parsed<T> = std::result::Result<T, Fault>;
 
 /// The depth picture of a file's bytes.
-pub(super) fn parse_depth(bytes: &[u8]) -> Parsed<DepthPicture> {
+///
+/// # Errors
+/// As [`read_depth`], without the file's name.
+pub fn parse_depth(bytes: &[u8]) -> std::result::Result<DepthPicture, Fault> {
     let decode = || match bytes {
         [0x89, b'P', b'N', b'G', ..] => parse_png(bytes),
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => parse_tiff(bytes),

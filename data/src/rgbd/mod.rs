@@ -20,7 +20,7 @@ mod write;
 mod xhumans;
 
 pub use check::{RgbdCheckReport, check_rgbd};
-pub use depth_file::{DepthPicture, read_depth};
+pub use depth_file::{DepthPicture, parse_depth, read_depth};
 pub use depth_write::{DepthFormat, write_depth};
 pub use frame::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, RgbdFrame, RgbdSource};
 pub(crate) use layout::{Shape, Split};

@@ -68,7 +68,7 @@ pub(crate) fn posed<T: Real>(seed: u64, joints: usize, angle: f64) -> (SoftmaxFi
         let turn = glam::DVec3::from(vectors::<f64>(&mut generator, 1, angle)[0]);
         let turn = glam::DMat3::from_quat(glam::DQuat::from_scaled_axis(turn)).transpose();
         let rows = [turn.x_axis, turn.y_axis, turn.z_axis];
-        let pivot = glam::DVec3::from(centre.map(Real::wide));
+        let pivot = glam::DVec3::from(centre.map(|coordinate| coordinate.wide()));
         std::array::from_fn(|index| {
             let (r, c) = (index / 4, index % 4);
             T::of(if c < 3 { rows[r][c] } else { pivot[r] - rows[r].dot(pivot) })

@@ -1,6 +1,8 @@
 //! The table of targets: a reader, and small sound files to begin with.
 
 mod arrays;
+mod avatars;
+mod meshes;
 mod pictures;
 mod requests;
 
@@ -25,6 +27,13 @@ pub const TARGETS: &[Target] = &[
     Target { name: "safetensors", read: arrays::safetensors, seeds: arrays::safetensors_seeds },
     Target { name: "picture", read: pictures::picture, seeds: pictures::picture_seeds },
     Target { name: "png", read: pictures::png, seeds: pictures::png_seeds },
+    Target { name: "depth", read: pictures::depth, seeds: pictures::depth_seeds },
+    Target { name: "ply", read: meshes::ply, seeds: meshes::ply_seeds },
+    Target { name: "obj", read: meshes::obj, seeds: meshes::obj_seeds },
+    Target { name: "glb", read: meshes::glb, seeds: meshes::glb_seeds },
+    Target { name: "glb_chunks", read: meshes::glb_chunks, seeds: meshes::glb_chunks_seeds },
+    Target { name: "avatar", read: avatars::avatar, seeds: avatars::avatar_seeds },
+    Target { name: "avatar_texts", read: avatars::avatar_texts, seeds: avatars::avatar_texts_seeds },
     Target { name: "request", read: requests::request, seeds: requests::request_seeds },
     Target { name: "pose", read: requests::pose, seeds: requests::pose_seeds },
     Target { name: "mesh_message", read: requests::mesh_message, seeds: requests::mesh_message_seeds },

@@ -3,8 +3,11 @@
 use std::io::Cursor;
 
 use image::{ImageFormat, Rgb, RgbImage};
+use xavatar::data::{DepthFormat, parse_depth, write_depth};
 use xavatar::formats::decode_picture;
 
+/// What stands between chunks, so that those which grow or shrink leave the others whole.
+const BETWEEN: &[u8] = b"|PNG";
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 pub(super) fn picture(bytes: &[u8]) -> bool {
@@ -15,23 +18,23 @@ pub(super) fn picture_seeds() -> Vec<Vec<u8>> {
     [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Tiff, ImageFormat::Bmp].map(encoded).into()
 }
 
-/// A PNG of these chunks, each given as the length of its content (u16), its name and its content.
+/// A PNG of these chunks: names with their contents, between [`BETWEEN`].
 pub(super) fn png(bytes: &[u8]) -> bool {
     let mut file = SIGNATURE.to_vec();
     let mut rest = bytes;
-    while let Some((head, content)) = rest.split_first_chunk::<6>() {
-        let length = usize::from(u16::from_be_bytes([head[0], head[1]])).min(content.len());
-        let named = [&head[2..], &content[..length]].concat();
-        file.extend((length as u32).to_be_bytes());
-        file.extend(&named);
-        file.extend(crc32fast::hash(&named).to_be_bytes());
-        rest = &content[length..];
+    while !rest.is_empty() {
+        let end = rest.windows(BETWEEN.len()).position(|window| window == BETWEEN);
+        let chunk = &rest[..end.unwrap_or(rest.len())];
+        rest = rest.get(chunk.len() + BETWEEN.len()..).unwrap_or_default();
+        file.extend((chunk.len().saturating_sub(4) as u32).to_be_bytes());
+        file.extend(chunk);
+        file.extend(crc32fast::hash(chunk).to_be_bytes());
     }
     picture(&file)
 }
 
 pub(super) fn png_seeds() -> Vec<Vec<u8>> {
-    let chunk = |name: &[u8; 4], content: &[u8]| [&(content.len() as u16).to_be_bytes()[..], name, content].concat();
+    let chunk = |name: &[u8; 4], content: &[u8]| [name, content, BETWEEN].concat();
     let file = |kind: u8, palette: &[u8], rows: &[u8]| {
         let begin = chunk(b"IHDR", &[0, 0, 0, 2, 0, 0, 0, 2, 8, kind, 0, 0, 0]);
         let palette = if palette.is_empty() { Vec::new() } else { chunk(b"PLTE", palette) };
@@ -57,6 +60,27 @@ fn adler32(bytes: &[u8]) -> u32 {
         (a, (b + a) % PRIME)
     });
     b << 16 | a
+}
+
+pub(super) fn depth(bytes: &[u8]) -> bool {
+    parse_depth(bytes).is_ok()
+}
+
+/// A ramp in each format that depth is written in.
+pub(super) fn depth_seeds() -> Vec<Vec<u8>> {
+    let depths = [1.5, 1.75, 2.0, 0.5, 3.0, 4.0];
+    let path = |format: DepthFormat| {
+        let name = format!("xavatar-fuzz-{}-{format:?}", std::process::id());
+        std::env::temp_dir().join(name).with_extension(format.extension())
+    };
+    let written = |format: DepthFormat| {
+        let path = path(format);
+        write_depth(&path, &depths, [3, 2], format).ok()?;
+        let bytes = std::fs::read(&path).ok();
+        let _ = std::fs::remove_file(&path);
+        bytes
+    };
+    [DepthFormat::Png, DepthFormat::Tiff, DepthFormat::Exr].into_iter().filter_map(written).collect()
 }
 
 fn encoded(format: ImageFormat) -> Vec<u8> {

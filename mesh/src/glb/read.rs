@@ -8,9 +8,9 @@ use super::container::Container;
 use super::document::{Mesh, Primitive};
 use super::material::{Coat, Materials, encoded};
 use crate::Parsed;
+use crate::ReadMesh;
 use crate::draft::{Corner, Draft, Paint, Triangle};
 use crate::notes::{Loss, Note, counted, missing_pictures};
-use crate::{Colouring, ReadMesh};
 use xavatar_formats::{Error, Fault, Result, excerpt};
 
 /// Extensions that a file may require; without those that are not understood it looks different, but is no other mesh.
@@ -141,16 +141,13 @@ impl Reader<'_> {
         }
         self.draft.pictures = self.materials.pictures.into_inner();
         self.draft.drop_plain_without_meaning();
-        let has_uvs = self.draft.triangles.iter().any(|triangle| triangle.corners[0].uv.is_some());
-        let mesh = self.draft.assemble(&mut notes);
         let mut reasons: Vec<String> = self.materials.unread.into_iter().collect();
         reasons.extend(missing_pictures(&self.materials.missing.into_iter().collect::<Vec<String>>()));
-        let has_none = matches!(mesh.colouring, Colouring::None);
-        if has_none && has_uvs && reasons.is_empty() {
+        let has_uvs = self.draft.triangles.iter().any(|triangle| triangle.corners[0].uv.is_some());
+        if reasons.is_empty() && has_uvs && self.draft.is_colourless() {
             reasons.push("texture coordinates, but no material with a base colour picture".into());
         }
-        let lost = if has_none { Loss::Colours } else { Loss::SomeColours };
-        notes.extend(reasons.into_iter().map(|why| Note::new(lost, why)));
+        let mesh = self.draft.assemble(reasons, &mut notes);
         ReadMesh { mesh, notes }
     }
 }

@@ -7,12 +7,12 @@ use glam::Vec2;
 
 use super::material::{Material, Texture, parse_mtl};
 use super::parse::{Statements, parse_obj};
+use crate::ReadMesh;
 use crate::colours::byte_colours;
 use crate::draft::{Draft, Paint, Triangle};
 use crate::notes::{Loss, Note, counted, listed, missing_pictures};
 use crate::text::decode;
 use crate::texture::{Pictures, find_referenced};
-use crate::{Colouring, ReadMesh};
 use xavatar_formats::{Result, read_bytes};
 
 /// Reads the OBJ file at `path`, which holds `bytes`, with the MTL files and pictures that it refers to.
@@ -29,18 +29,16 @@ pub(crate) fn read_obj(path: &Path, bytes: &[u8]) -> Result<ReadMesh> {
     let has_uvs = statements.triangles.iter().flatten().any(|corner| corner.uv.is_some());
     let mut draft = draft(statements, coats);
     draft.drop_plain_without_meaning();
-    let mesh = draft.assemble(&mut notes);
-    let has_none = matches!(mesh.colouring, Colouring::None);
-    let mut reasons = missing.reasons();
-    if reasons.is_empty() && has_none && has_uvs {
+    let is_colourless = draft.is_colourless();
+    // Materials of faces without texture coordinates matter only where nothing else has a colour.
+    let mut reasons = if is_colourless || has_uvs { missing.reasons() } else { Vec::new() };
+    if reasons.is_empty() && is_colourless && has_uvs {
         reasons.push(match library.materials.is_empty() {
             true => "texture coordinates, but no line `mtllib` that names a material file".into(),
             false => "texture coordinates, but no material with a picture (map_Kd)".into(),
         });
     }
-    let lost = if has_none { Loss::Colours } else { Loss::SomeColours };
-    // Materials of faces without texture coordinates matter where nothing else has a colour.
-    notes.extend(reasons.into_iter().filter(|_| has_none || has_uvs).map(|why| Note::new(lost, why)));
+    let mesh = draft.assemble(reasons, &mut notes);
     Ok(ReadMesh { mesh, notes })
 }
 

@@ -10,7 +10,7 @@ use super::header::{Element, Encoding, Header, parse_header};
 use super::vertices::{Vertices, read_vertices};
 use crate::Parsed;
 use crate::draft::{Corner, Draft, Paint, Triangle, vertex_colouring};
-use crate::notes::{Loss, Note, counted, missing_pictures};
+use crate::notes::{Loss, Note, colour_notes, counted, listed, missing_pictures};
 use crate::text::decode;
 use crate::texture::{Pictures, find_referenced};
 use crate::{Colouring, ReadMesh, TriangleMesh};
@@ -42,8 +42,8 @@ pub(super) struct Content {
     vertices: Vertices,
     faces: Faces,
     texture_files: Vec<String>,
-    /// Elements, with their number of rows, that mean nothing here.
-    unread: Vec<(String, usize)>,
+    /// Elements that mean nothing here.
+    unread: Vec<String>,
     /// Properties that may be colours, but in no known way.
     unread_colours: Vec<String>,
 }
@@ -68,7 +68,7 @@ pub(super) fn parse_ply(bytes: &[u8]) -> Parsed<Content> {
                     body.next_row();
                     element.properties.iter().try_for_each(|property| body.skip(property.layout))?;
                 }
-                unread.push((element.name.clone(), element.count));
+                unread.push(element.name.clone());
             }
         }
     }
@@ -102,29 +102,28 @@ fn possible_colours(element: &Element) -> Vec<String> {
     }
     let names = element.properties.iter().map(|property| property.name.as_str());
     let speaks = |name: &&str| WORDS.iter().any(|word| name.to_ascii_lowercase().contains(word));
-    names.filter(speaks).take(4).map(str::to_owned).collect()
+    names.filter(speaks).map(str::to_owned).collect()
 }
 
 impl Content {
     pub(super) fn into_mesh(mut self, path: &Path) -> Result<ReadMesh> {
         let mut notes = self.notes();
         let mut reasons = Vec::new();
-        let mesh = match self.open_pictures(path, &mut reasons)? {
-            Some(opened) => self.textured(opened).assemble(&mut notes),
-            None if self.vertices.colours.is_none() && self.faces.colours.is_some() => {
-                self.painted().assemble(&mut notes)
-            }
-            None => self.plain(&mut notes),
-        };
-        let has_none = matches!(mesh.colouring, Colouring::None);
-        if has_none && !self.unread_colours.is_empty() {
-            reasons.push(format!(
-                "the vertices' properties {} mean no known colour",
-                excerpt(&self.unread_colours.join(" "))
-            ));
+        let opened = self.open_pictures(path, &mut reasons)?;
+        let has_faces_colours_alone = self.vertices.colours.is_none() && self.faces.colours.is_some();
+        if opened.is_none()
+            && self.vertices.colours.is_none()
+            && !has_faces_colours_alone
+            && !self.unread_colours.is_empty()
+        {
+            let names = listed(&self.unread_colours);
+            reasons.push(format!("the vertices' properties {names} mean no known colour"));
         }
-        let lost = if has_none { Loss::Colours } else { Loss::SomeColours };
-        notes.extend(reasons.into_iter().map(|why| Note::new(lost, why)));
+        let mesh = match opened {
+            Some(opened) => self.textured(opened).assemble(reasons, &mut notes),
+            None if has_faces_colours_alone => self.painted().assemble(reasons, &mut notes),
+            None => self.plain(reasons, &mut notes),
+        };
         Ok(ReadMesh { mesh, notes })
     }
 
@@ -134,10 +133,9 @@ impl Content {
             let why = format!("{} of less than three corners", counted(self.faces.degenerate, "face"));
             notes.push(Note::new(Loss::Faces, why));
         }
-        let element = |(name, count): &(String, usize)| {
-            Note::new(Loss::Other, format!("the element {} of {}", excerpt(name), counted(*count, "row")))
-        };
-        notes.extend(self.unread.iter().map(element));
+        if !self.unread.is_empty() {
+            notes.push(Note::new(Loss::Other, format!("of elements, {}", listed(&self.unread))));
+        }
         notes
     }
 
@@ -219,13 +217,10 @@ impl Content {
     }
 
     /// The mesh whose vertices say everything.
-    fn plain(&mut self, notes: &mut Vec<Note>) -> TriangleMesh {
+    fn plain(&mut self, mut reasons: Vec<String>, notes: &mut Vec<Note>) -> TriangleMesh {
         let Vertices { positions, normals, colours, .. } = std::mem::take(&mut self.vertices);
-        TriangleMesh {
-            vertices: positions,
-            faces: std::mem::take(&mut self.faces.triangles),
-            normals,
-            colouring: colours.map_or(Colouring::None, |colours| vertex_colouring(colours, notes)),
-        }
+        let colouring = colours.map_or(Colouring::None, |colours| vertex_colouring(colours, &mut reasons));
+        notes.extend(colour_notes(reasons, &colouring));
+        TriangleMesh { vertices: positions, faces: std::mem::take(&mut self.faces.triangles), normals, colouring }
     }
 }

@@ -62,6 +62,15 @@ impl HashGridShape {
         Ok(())
     }
 
+    /// Entries of the table of all levels over `bounds`.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] names the extent that is out of range.
+    pub fn entries(&self, bounds: &Bounds) -> Result<usize> {
+        self.validate(bounds)?;
+        Ok(self.levels(bounds).iter().map(|level| level.entries as usize).sum())
+    }
+
     /// The levels over `bounds`, coarsest first, their entries one after the other.
     pub(super) fn levels(&self, bounds: &Bounds) -> Vec<Level> {
         let edges: [f64; 3] =

@@ -9,7 +9,7 @@ use crate::activation::{
     write_scaled,
 };
 use crate::encoding::{Cells, Directions};
-use crate::matmul::{Matrix, MatrixMut, Write, product};
+use xavatar_vector::{Matrix, MatrixMut, Write, product};
 
 /// One block's activations: what the sweeps of an [`Mlp`] leave for each other. One a thread and network.
 #[derive(Clone, Debug, Default)]

@@ -51,8 +51,8 @@ pub fn model() -> BodyModel {
         shapes: BlendShapes::from_columns(&longer, 1, 0..1),
         expressions: 0,
         joints: JointBasis {
-            template: JOINTS.map(|y| Vec3::Y * y).into(),
-            directions: vec![JOINTS.map(|y| Vec3::Y * STRETCH * y).into()],
+            template: JOINTS.map(|y| (Vec3::Y * y).as_dvec3()).into(),
+            directions: vec![JOINTS.map(|y| (Vec3::Y * STRETCH * y).as_dvec3()).into()],
         },
         correctives: Correctives::None,
         hands: Vec::new(),

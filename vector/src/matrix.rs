@@ -3,11 +3,11 @@
 //! A thin, bounds-checked face of the `gemm` crate, which picks AVX-512, AVX2 or scalar code at run time.
 //! Single-threaded on purpose: callers are parallel over row blocks, so that results do not depend on scheduling.
 
-use crate::Real;
+use crate::Scalar;
 
 /// A read-only matrix laid over a slice. Row-major unless transposed.
 #[derive(Clone, Copy)]
-pub(crate) struct Matrix<'a, T> {
+pub struct Matrix<'a, T> {
     data: &'a [T],
     rows: usize,
     columns: usize,
@@ -17,6 +17,9 @@ pub(crate) struct Matrix<'a, T> {
 
 impl<'a, T> Matrix<'a, T> {
     /// `rows` x `columns` entries of `data`, consecutive rows `stride` apart.
+    ///
+    /// # Panics
+    /// If the matrix exceeds its slice.
     pub fn new(data: &'a [T], rows: usize, columns: usize, stride: usize) -> Self {
         assert!(columns <= stride && span(rows, columns, stride) <= data.len(), "matrix exceeds its slice");
         Self { data, rows, columns, row_stride: stride, column_stride: 1 }
@@ -35,7 +38,7 @@ impl<'a, T> Matrix<'a, T> {
 }
 
 /// A writable row-major matrix laid over a slice.
-pub(crate) struct MatrixMut<'a, T> {
+pub struct MatrixMut<'a, T> {
     data: &'a mut [T],
     rows: usize,
     columns: usize,
@@ -44,6 +47,9 @@ pub(crate) struct MatrixMut<'a, T> {
 
 impl<'a, T> MatrixMut<'a, T> {
     /// `rows` x `columns` entries of `data`, consecutive rows `stride` apart.
+    ///
+    /// # Panics
+    /// If the matrix exceeds its slice.
     pub fn new(data: &'a mut [T], rows: usize, columns: usize, stride: usize) -> Self {
         assert!(columns <= stride && span(rows, columns, stride) <= data.len(), "matrix exceeds its slice");
         Self { data, rows, columns, stride }
@@ -56,13 +62,18 @@ fn span(rows: usize, columns: usize, stride: usize) -> usize {
 
 /// Whether a product replaces its destination or is added to it.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Write {
+pub enum Write {
+    /// destination = product.
     Replace,
+    /// destination += product.
     Add,
 }
 
-/// destination = left * right, or destination += left * right.
-pub(crate) fn product<T: Real>(destination: MatrixMut<T>, write: Write, left: Matrix<T>, right: Matrix<T>) {
+/// destination = left * right, or destination += left * right, on the calling thread.
+///
+/// # Panics
+/// If the extents disagree.
+pub fn product<T: Scalar>(destination: MatrixMut<T>, write: Write, left: Matrix<T>, right: Matrix<T>) {
     assert!(
         left.rows == destination.rows && left.columns == right.rows && right.columns == destination.columns,
         "matrix extents disagree"
@@ -92,15 +103,6 @@ pub(crate) fn product<T: Real>(destination: MatrixMut<T>, write: Write, left: Ma
             gemm::Parallelism::None,
         );
     }
-}
-
-/// C (R, K) = A (R, I) B (I, K), row-major, on the calling thread: what the networks' speed is compared with.
-///
-/// # Panics
-/// If a slice is shorter than its matrix.
-pub fn matrix_product<T: Real>([rows, inner, columns]: [usize; 3], a: &[T], b: &[T], c: &mut [T]) {
-    let (a, b) = (Matrix::new(a, rows, inner, inner), Matrix::new(b, inner, columns, columns));
-    product(MatrixMut::new(c, rows, columns, columns), Write::Replace, a, b);
 }
 
 #[cfg(test)]
