@@ -160,8 +160,7 @@ impl<'a> Inspector<'a> {
 
     /// Whether faces are seen from inside: by the body's inside, where the scan is around it, else by the scan's volume.
     fn is_inside_out(&self, scan: &SurfacePoints, posed: &PosedBody, volume: Option<f64>) -> bool {
-        let mut windings: Vec<f32> =
-            self.segments.cores(posed).map(|(_, core)| scan.winding_number(core)).collect();
+        let mut windings: Vec<f32> = self.segments.cores(posed).map(|(_, core)| scan.winding_number(core)).collect();
         let winding = median(&mut windings);
         if winding.abs() > INSIDE.start { winding < 0.0 } else { volume.is_some_and(|volume| volume < 0.0) }
     }
@@ -208,7 +207,9 @@ impl<'a> Inspector<'a> {
                 let alignment = Alignment { placement, alternatives: others, ..found };
                 Ok(std::iter::once(Observation::Misplaced(alignment)).chain(of_limbs(&fits)).collect())
             }
-            _ if off > some && found.before > UNRELATED => Ok(vec![Observation::Unrelated { apart: found.before, least: found.after }]),
+            _ if off > some && found.before > UNRELATED => {
+                Ok(vec![Observation::Unrelated { apart: found.before, least: found.after }])
+            }
             _ => Ok(of_limbs(&fits)),
         }
     }

@@ -222,7 +222,7 @@ fn find_other_frames(
             let near = place.saturating_sub(NEIGHBOURS)..(place + NEIGHBOURS + 1).min(files.len());
             near.filter(|other| *other != place).find_map(|other| {
                 let parameters = files[other].read_parameters(&subject.betas).ok()?;
-                let fits = inspector.is_of(&frame.scan, &parameters.into(), &Similarity::IDENTITY).unwrap_or(false);
+                let fits = inspector.is_of(&frame.scan, &parameters, &Similarity::IDENTITY).unwrap_or(false);
                 fits.then(|| files[other].id.to_string())
             })
         })
