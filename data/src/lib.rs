@@ -7,7 +7,6 @@
 mod capture;
 mod check;
 mod fields;
-mod json;
 mod motion;
 mod notes;
 mod placement;
@@ -20,7 +19,8 @@ pub use check::{
     CheckReport, CheckedFrames, Defect, DistanceReport, Finding, HandReport, SequenceReport, UnusableFrame, check,
 };
 pub use motion::{
-    Clip, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, read_motion, write_motion,
+    Clip, Coordinates, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, Warning, read_motion,
+    write_motion,
 };
 pub use notes::FrameNotes;
 pub use placement::{Origin, ScanPlacement};

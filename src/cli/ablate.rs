@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use xavatar::config::Config;
+use xavatar::data::CheckedFrames;
 use xavatar::runs::{Ablation, Batch, Run, RunRow, RunTable, Variant, Yardstick};
 use xavatar::train::TrainingSpec;
 
-use super::inputs::{Split, SubjectArguments};
+use super::inputs::{AcceptArguments, Split, SubjectArguments};
 use super::json::JsonArgument;
 use super::measured_run::finish;
 use super::training::TrainingArguments;
@@ -28,6 +29,8 @@ pub struct Ablate {
     out: PathBuf,
     #[command(flatten)]
     training: TrainingArguments,
+    #[command(flatten)]
+    accepted: AcceptArguments,
     /// Which frames to measure on
     #[arg(long, value_enum, default_value_t = Split::Test)]
     split: Split,
@@ -41,14 +44,15 @@ pub struct Ablate {
 impl Ablate {
     pub fn run(self) -> anyhow::Result<Outcome> {
         let variants = Ablation::ALL.map(|ablation| self.configuration(ablation).map(|config| (ablation, config)));
-        let variants: Vec<_> = variants.into_iter().collect::<Result<_, _>>().map_err(WrongUsage)?;
+        let variants: Vec<_> = variants.into_iter().collect::<Result<_, _>>().map_err(WrongUsage::from)?;
         let runs: Vec<_> = variants.iter().map(|(ablation, config)| (ablation.folder().to_owned(), config)).collect();
         let batch = Batch::open(&self.out, "ablations", &runs, &[])?;
         self.json.check()?;
         let opened = self.subject.open()?;
         let stop = stop::on_interrupt()?;
         let split = self.split.into();
-        let (source, scans) = (opened.subject.training_frames(), opened.subject.frames(split));
+        let (training, scans) = (opened.subject.training_frames(), opened.subject.frames(split));
+        let source = CheckedFrames::new(&training, &opened.body, self.accepted.defects());
         let yardstick = Yardstick { scans: &scans, split, resolution: self.resolution };
         let mut table = RunTable::default();
         for (ablation, config) in &variants {

@@ -3,10 +3,10 @@
 use clap::ValueEnum;
 use xavatar::body::{BodyModel, PartLabels};
 use xavatar::config::{Config, preset_for_rgbd};
-use xavatar::data::{CaptureKind, CapturedSubject, Source};
+use xavatar::data::{CaptureKind, CapturedSubject, CheckedFrames, Source};
 use xavatar::train::TrainingSpec;
 
-use super::inputs::{SubjectArguments, load_body};
+use super::inputs::{AcceptArguments, SubjectArguments, load_body};
 
 /// A kind of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -65,8 +65,13 @@ impl Captured {
         Ok(Self { source: subject.training(&body)?, body, labels })
     }
 
-    /// All that a run takes.
-    pub fn spec<'a>(&'a self, config: &'a Config) -> TrainingSpec<'a> {
-        TrainingSpec { config, source: self.source.as_ref(), body: &self.body, labels: &self.labels }
+    /// The captures, of which scans are looked at as they are read.
+    pub fn checked(&self, accepted: &AcceptArguments) -> CheckedFrames<'_> {
+        CheckedFrames::new(self.source.as_ref(), &self.body, accepted.defects())
+    }
+
+    /// All that a run on `source` takes.
+    pub fn spec<'a>(&'a self, config: &'a Config, source: &'a dyn Source) -> TrainingSpec<'a> {
+        TrainingSpec { config, source, body: &self.body, labels: &self.labels }
     }
 }

@@ -57,7 +57,7 @@ impl Fuse {
         self.turns.sort_by(f64::total_cmp);
         self.turns.dedup();
         let preset = Kind::Rgbd.preset(self.training.preset());
-        let config = Config::preset_with(preset, &self.training.settings()).map_err(WrongUsage)?;
+        let config = Config::preset_with(preset, &self.training.settings()).map_err(WrongUsage::from)?;
         let runs: Vec<_> = self.turns.iter().map(|turn| (folder_of(*turn), &config)).collect();
         let batch = Batch::open(&self.out, "fusion", &runs, &[Self::PLOT])?;
         self.json.check()?;
