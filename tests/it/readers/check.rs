@@ -292,7 +292,8 @@ fn hollow_open_and_inverted_scans_are_named() {
 
 #[test]
 fn what_is_no_scan_is_a_problem() {
-    let faults: [(&str, fn(&mut ScanFrame)); 5] = [
+    type Change = fn(&mut ScanFrame);
+    let faults: [(&str, Change); 5] = [
         ("faces with an area", |frame| frame.scan.faces.truncate(1)),
         ("faces with an area", |frame| frame.scan.faces.iter_mut().for_each(|face| face[1] = face[0])),
         ("flat", |frame| frame.scan.vertices.iter_mut().for_each(|vertex| vertex.z = 0.0)),
