@@ -6,16 +6,19 @@
 
 mod alignment;
 mod checked_frames;
+mod common_placement;
 mod distances;
 mod finding;
 mod inspection;
 mod judgement;
+mod limb_fit;
 mod segments;
 mod soundness;
 mod statistics;
 mod surface_points;
 #[cfg(test)]
 mod testing;
+mod wording;
 
 use std::collections::BTreeMap;
 
@@ -222,7 +225,7 @@ fn find_other_frames(
             let near = place.saturating_sub(NEIGHBOURS)..(place + NEIGHBOURS + 1).min(files.len());
             near.filter(|other| *other != place).find_map(|other| {
                 let parameters = files[other].read_parameters(&subject.betas).ok()?;
-                let fits = inspector.is_of(&frame.scan, &parameters.into(), &Similarity::IDENTITY).unwrap_or(false);
+                let fits = inspector.is_of(&frame.scan, &parameters, &Similarity::IDENTITY).unwrap_or(false);
                 fits.then(|| files[other].id.to_string())
             })
         })

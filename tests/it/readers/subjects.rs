@@ -292,18 +292,22 @@ fn custom_humans_stand_with_the_pelvis_at_the_origin() {
 }
 
 #[test]
-fn fits_of_smpl_are_refused_by_that_name() {
+fn fits_of_smpl_ask_for_a_model_of_smpl() {
     let folder = tempfile::tempdir().unwrap();
     write_scan(&folder.path().join("scan.ply"), &FRAMES[0]);
-    for (count, family) in [(72, "SMPL "), (156, "SMPL+H")] {
+    fs::write(folder.path().join("gender.txt"), "male").unwrap();
+    for (count, family) in [(72, "of SMPL,"), (156, "of SMPL+H,")] {
         let fit = [
             ("pose".to_owned(), vector(&vec![0.0; count])),
             ("betas".to_owned(), vector(&[0.0; 10])),
             ("trans".to_owned(), vector(&[0.0; 3])),
         ];
         write_pickle(folder.path().join("scan_smpl.pkl"), &fit.into()).unwrap();
-        let error = Subject::open(folder.path()).unwrap_err().to_string();
-        assert!(error.contains(family) && error.contains("scan_smpl.pkl") && error.contains("fit SMPL-X"), "{error}");
+        let subject = Subject::open(folder.path()).unwrap();
+        assert_eq!(subject.layout, Layout::Rvh);
+        // The built-in model is one of SMPL-X.
+        let error = subject.settled(SUBJECT.model()).unwrap_err().to_string();
+        assert!(error.contains(family) && error.contains("scan_smpl.pkl") && error.contains("of SMPL-X"), "{error}");
     }
 }
 
