@@ -3,16 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
-use xavatar::InputError;
 use xavatar::avatar::Avatar;
 use xavatar::data::{Clip, Coordinates, HandConvention, MotionOptions, RestPose, Translation, UpAxis, Warning};
 use xavatar::formats::read_text;
 use xavatar::synthetic::load_clip;
 
-use super::{WrongUsage, wrong_usage};
+use super::option;
 
 /// What the user declares about a motion, and what is to be made of it.
 #[derive(Clone, Debug, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -93,11 +92,7 @@ struct FrameRange(usize, Option<usize>);
 impl MotionArguments {
     /// Reads a motion for an avatar, and tells what was detected, declared and changed.
     pub fn load(&self, motion: &Path, avatar: &Avatar) -> anyhow::Result<Clip> {
-        let clip = load_clip(motion, &self.options(avatar)?).map_err(|error| match error {
-            // What the file itself lacks is another kind of error.
-            xavatar::Error::Input(InputError::Value { .. }) => WrongUsage(error.into()).into(),
-            error => anyhow::Error::from(error),
-        })?;
+        let clip = load_clip(motion, &self.options(avatar)?)?;
         clip.report.iter().for_each(|line| log::info!("{line}"));
         warn(&clip);
         Ok(clip)
@@ -113,7 +108,7 @@ impl MotionArguments {
         let FrameRange(first, last) = self.frames.unwrap_or(FrameRange(1, None));
         let last = last.unwrap_or(count);
         if first > last.max(1) || last > count {
-            wrong_usage!("--frames {first}..{last}: there are {count} frames");
+            bail!("--frames {first}..{last}: there are {count} frames");
         }
         Ok(first - 1..last)
     }
@@ -159,8 +154,8 @@ pub fn warn(clip: &Clip) {
 
 /// A warning, with the option for it.
 pub fn described(warning: &Warning) -> String {
-    let option = warning.choice.map_or_else(String::new, |choice| format!(" ({})", super::option(choice)));
-    format!("{warning}{option}")
+    let advice = warning.choice.map_or_else(String::new, |choice| format!(" ({})", option(choice)));
+    format!("{warning}{advice}")
 }
 
 fn read_bone_map(path: &Path) -> anyhow::Result<BTreeMap<String, String>> {

@@ -8,8 +8,8 @@ use std::sync::LazyLock;
 use glam::{Mat3, Vec3};
 use xavatar::body::{BodyParameters, Gender, HandPose, PoseAxisAngle, PosedBody, smplx};
 use xavatar::data::{
-    CheckReport, CheckedFrames, Defect, Finding, FrameId, FrameSource, Origin, ScanFrame, Subject, check, read_frame,
-    write_subject,
+    Capture, CaptureKind, CheckReport, CheckedFrames, Defect, Finding, FrameId, Origin, ScanFrame, Source, Subject,
+    check, read_frame, write_subject,
 };
 use xavatar::formats::{Choice, Remedy};
 use xavatar::mesh::{Colouring, TriangleMesh};
@@ -386,13 +386,17 @@ fn broken_and_missing_frames_are_listed_by_name() {
 /// Frames in memory.
 struct Shown(Vec<ScanFrame>, Vec<FrameId>);
 
-impl FrameSource for Shown {
+impl Source for Shown {
+    fn kind(&self) -> CaptureKind {
+        CaptureKind::Scans
+    }
+
     fn ids(&self) -> &[FrameId] {
         &self.1
     }
 
-    fn read(&self, index: usize) -> xavatar::formats::Result<ScanFrame> {
-        Ok(self.0[index].clone())
+    fn read(&self, index: usize) -> xavatar::formats::Result<Capture> {
+        Ok(Capture::Scan(Box::new(self.0[index].clone())))
     }
 
     fn betas(&self) -> &[f32] {
