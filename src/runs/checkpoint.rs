@@ -16,7 +16,6 @@ use crate::{Error, InputError, Result};
 const FOLDER: &str = "checkpoints";
 const BEST: &str = "best.safetensors";
 /// The tensor that holds what [`Learned::sampled_skinning`] does.
-
 const BAKED: &str = "baked_skinning";
 
 fn to_file(learned: &Learned, progress: &Progress) -> TensorFile {
