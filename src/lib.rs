@@ -7,14 +7,15 @@
 //! # The body: theta, beta, psi to bones
 //!
 //! T = template + shapedirs [beta | psi] + posedirs vec(R(theta) - I); joints = regressor (template + shapedirs [beta | psi]); posed by linear
-//! blend skinning. [`body::BodyModel`] is that; [`body::BodyParameters`] are theta, beta and psi with their conventions as types: a
-//! hand pose says whether it is flat or relative to the model's mean. Deformers take B_j = G_j(theta) G_j(theta_canonical)^-1, from
+//! blend skinning. [`body::BodyModel`] is that, of a [`body::Skeleton`] that is data: joints, tree, parts, canonical pose. A
+//! [`body::Pose`] is theta, beta, psi and a translation; what a source states in its own terms, such as hands relative to the model's
+//! mean, are [`body::BodyParameters`], which the model resolves. Deformers take B_j = G_j(theta) G_j(theta_canonical)^-1, from
 //! [`canonical_to_posed`](body::BodyModel::canonical_to_posed).
 //!
 //! # The fields: f, c, w
 //!
 //! [`fields::Fields`] holds them: softplus networks over encoded points, conditioned on [theta_b / pi, psi]
-//! ([`fields::condition`]), or hash grids with small networks. They are made of [`xavatar_network`], which has every derivative by hand:
+//! ([`fields::Condition`]), or hash grids with small networks. They are made of [`xavatar_network`], which has every derivative by hand:
 //! df/dx_c for normals, and the parameters' gradient of losses on values, normals and weights.
 //!
 //! # Correspondence: x_d = sum_i w_i(x_c) B_i x_c
@@ -43,13 +44,12 @@
 //!
 //! ```no_run
 //! use xavatar::avatar::{Animator, Avatar};
-//! use xavatar::body::BodyParameters;
 //! use xavatar::synthetic::BuiltInSubject;
 //!
 //! let avatar = Avatar::load("runs/demo".as_ref())?;
 //! let subject = BuiltInSubject::new()?;
 //! let animator = Animator::new(&avatar, subject.model(), subject.part_labels())?;
-//! let mesh = animator.extract(&BodyParameters::default(), 128)?.mesh;
+//! let mesh = animator.extract(&subject.model().skeleton().rest_pose(), 128)?.mesh;
 //! xavatar::mesh::write_ply("t-pose.ply", &mesh)?;
 //! # Ok::<(), xavatar::Error>(())
 //! ```
