@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use super::finding::Defect;
 use super::inspection::Inspector;
-use super::judgement::{Looked, described};
+use super::judgement::Looked;
+use super::wording::described;
 use crate::{Capture, CaptureKind, FrameId, ScanFrame, Source};
 use xavatar_body::{BodyModel, Gender};
 use xavatar_formats::{Choice, Error, Remedy, Result};

@@ -6,16 +6,19 @@
 
 mod alignment;
 mod checked_frames;
+mod common_placement;
 mod distances;
 mod finding;
 mod inspection;
 mod judgement;
+mod limb_fit;
 mod segments;
 mod soundness;
 mod statistics;
 mod surface_points;
 #[cfg(test)]
 mod testing;
+mod wording;
 
 use std::collections::BTreeMap;
 
