@@ -22,7 +22,10 @@ fn arrays_of(vertices: usize) -> ArrayMap {
         ("f", (vec![2, 3], vec![0.0, 1.0, 2.0, 0.0, 2.0, (vertices - 1) as f64])),
         ("weights", first_in_rows(vertices, joint::COUNT)),
         ("J_regressor", first_in_rows(joint::COUNT, vertices)),
-        ("kintree_table", (vec![2, joint::COUNT], parents.chain((0..joint::COUNT).map(|joint| joint as f64)).collect())),
+        (
+            "kintree_table",
+            (vec![2, joint::COUNT], parents.chain((0..joint::COUNT).map(|joint| joint as f64)).collect()),
+        ),
         ("shapedirs", zeros(&[vertices, 3, 20])),
         ("posedirs", zeros(&[vertices, 3, POSE_FEATURES])),
         ("hands_meanl", zeros(&[45])),

@@ -30,7 +30,11 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
         FrameReader::new(fields, &key("fullpose"), 3 * smplx::joint::COUNT)?
     };
     let has_full_poses = reader.has(&key("fullpose"));
-    let mut frames = if has_full_poses { reader.full_poses(&key("fullpose"), smplx::skeleton())? } else { separate_poses(&mut reader)? };
+    let mut frames = if has_full_poses {
+        reader.full_poses(&key("fullpose"), smplx::skeleton())?
+    } else {
+        separate_poses(&mut reader)?
+    };
     if !has_full_poses || (reader.has(&key("left_hand_pose")) && reader.has(&key("right_hand_pose"))) {
         let left = reader.pca_hands(&key("left_hand_pose"))?;
         let right = reader.pca_hands(&key("right_hand_pose"))?;

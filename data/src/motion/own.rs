@@ -128,8 +128,8 @@ pub fn write_motion(path: impl AsRef<Path>, motion: &Motion) -> Result<()> {
     let column = |value: fn(&smplx::Parameters) -> &[f32]| {
         // Coefficients that a frame leaves out are zero.
         let width = frames.iter().map(|frame| value(frame).len()).max().unwrap_or_default();
-        let padded = |frame| value(frame).iter().copied().chain(std::iter::repeat(0.0)).take(width);
-        rows(frames.iter().flat_map(padded).collect())
+        let zeros = std::iter::repeat(0.0);
+        rows(frames.iter().flat_map(|frame| value(frame).iter().copied().chain(zeros.clone()).take(width)).collect())
     };
     let rotations = |value: fn(&smplx::Parameters) -> &[PoseAxisAngle]| {
         rows(frames.iter().flat_map(|frame| components(value(frame))).collect())

@@ -133,8 +133,7 @@ impl Channels {
             }
         };
         let (left_hand_pose, right_hand_pose) = (hand(&like.left_hand_pose), hand(&like.right_hand_pose));
-        let pose =
-            Pose { rotations: before_hands, shape: like.betas.clone(), expression, translation: transl };
+        let pose = Pose { rotations: before_hands, shape: like.betas.clone(), expression, translation: transl };
         smplx::Parameters { left_hand_pose, right_hand_pose, ..smplx::Parameters::from(&pose) }
     }
 }

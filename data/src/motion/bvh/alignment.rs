@@ -81,7 +81,9 @@ impl Axes {
                 }
                 (Manner::Foot, Some(direction)) => foot(above, up, direction, own.direction(joint)),
                 // Where arms lie along their bones, so may the neck.
-                _ if joint == joint::NECK && is_rest && !references[joint::LEFT_SHOULDER].is_rest => neck(above, stance, own),
+                _ if joint == joint::NECK && is_rest && !references[joint::LEFT_SHOULDER].is_rest => {
+                    neck(above, stance, own)
+                }
                 _ if joint == joint::HEAD && is_rest => axes.of(joint::SPINE3, stance),
                 _ => above,
             };

@@ -254,7 +254,10 @@ fn off_the_t_pose(stance: &Stance, part: Part) -> f64 {
     };
     let sum = match part {
         Part::Trunk => {
-            let head = stance.between(joint::SPINE3, joint::HEAD).or_else(|| stance.between(joint::SPINE3, joint::NECK)).and_then(DVec3::try_normalize);
+            let head = stance
+                .between(joint::SPINE3, joint::HEAD)
+                .or_else(|| stance.between(joint::SPINE3, joint::NECK))
+                .and_then(DVec3::try_normalize);
             let (head, across) = (head.unwrap_or(body * DVec3::Y), stance.across_top().unwrap_or(body * DVec3::X));
             degrees(body.inverse() * head, DVec3::Y) + degrees(body.inverse() * across, DVec3::X)
         }

@@ -71,7 +71,8 @@ impl Stance {
 
     /// The direction of a joint's bone, if it has one.
     pub(super) fn direction(&self, joint: usize) -> Option<DVec3> {
-        let end = ENDS.iter().find(|(start, _)| *start == joint).map(|(_, end)| *end).or_else(|| next_of_finger(joint))?;
+        let end =
+            ENDS.iter().find(|(start, _)| *start == joint).map(|(_, end)| *end).or_else(|| next_of_finger(joint))?;
         self.between(joint, end)?.try_normalize()
     }
 
@@ -93,7 +94,8 @@ impl Stance {
     /// The way from right to left at the top of the trunk, where collar bones or else shoulders are apart.
     pub(super) fn across_top(&self) -> Option<DVec3> {
         let is_apart = |across: &DVec3| across.length() > APART * self.leg_lengths();
-        let across = self.between_two(COLLARS).filter(is_apart).or_else(|| self.between_two(SHOULDERS).filter(is_apart))?;
+        let across =
+            self.between_two(COLLARS).filter(is_apart).or_else(|| self.between_two(SHOULDERS).filter(is_apart))?;
         across.try_normalize()
     }
 

@@ -74,7 +74,9 @@ impl Rows<'_> {
         };
         let width = self.width(array);
         let own = |row: &[HandPose]| row[side * (hands - 1)].clone();
-        if (self.rotations == Rotations::Matrices && width == 9 * joint::HAND * hands) || width == 3 * joint::HAND * hands {
+        if (self.rotations == Rotations::Matrices && width == 9 * joint::HAND * hands)
+            || width == 3 * joint::HAND * hands
+        {
             let is_flat = width == 9 * joint::HAND * hands || self.has_flat_hands()?;
             let joints = self.rotations(&key, array, joint::HAND * hands)?;
             let all: Vec<HandPose> = joints.chunks_exact(joint::HAND).map(|joints| hand(joints, is_flat)).collect();

@@ -86,8 +86,11 @@ impl Tree<'_> {
     /// The bones with each replaced by the helper below it that stands in the same place and carries all that is below:
     /// the turns of both are the joint's.
     pub(super) fn carriers(&self, bones: &Bones) -> Bones {
-        let leg: f64 =
-            [joint::LEFT_KNEE, joint::LEFT_ANKLE].iter().filter_map(|joint| bones[*joint]).map(|bone| self.joints[bone].offset.length()).sum();
+        let leg: f64 = [joint::LEFT_KNEE, joint::LEFT_ANKLE]
+            .iter()
+            .filter_map(|joint| bones[*joint])
+            .map(|bone| self.joints[bone].offset.length())
+            .sum();
         let is_helper =
             |bone: &usize| !bones.contains(&Some(*bone)) && self.joints[*bone].offset.length() <= COINCIDENT * leg;
         let mut carriers = bones.clone();
