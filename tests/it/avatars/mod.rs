@@ -5,6 +5,7 @@ mod canonical_grid;
 mod evaluation;
 mod export;
 mod mannequin;
+mod old_files;
 mod other_skeleton;
 mod render;
 mod rgbd_training;
