@@ -59,10 +59,10 @@ impl Fuse {
         let preset = Kind::Rgbd.preset(self.training.preset());
         let config = Config::preset_with(preset, &self.training.settings()).map_err(WrongUsage::from)?;
         let runs: Vec<_> = self.turns.iter().map(|turn| (folder_of(*turn), &config)).collect();
-        let batch = Batch::open(&self.out, "fusion", &runs, &[Self::PLOT])?;
         self.json.check()?;
         let Registered { subject, body, labels } = self.subject.open()?;
         let source = RgbdSubject::open(&self.subject.data)?.training_frames();
+        let batch = Batch::open(&self.out, "fusion", &runs, &[Self::PLOT])?;
         let stop = stop::on_interrupt()?;
         let split = self.split.into();
         let yardstick = Yardstick { scans: &subject.frames(split), split, resolution: self.resolution };

@@ -130,6 +130,7 @@ fn a_run_goes_on_without_its_source_and_ends_the_same() {
     let stopped = Run::open(&broken, spec(&config, &film, &subject)).unwrap();
     let ending = stopped.train(&AtomicBool::new(true), &mut Records::default()).unwrap();
     assert_eq!(ending, Ending::Stopped);
+    drop(stopped);
     std::fs::copy(
         whole.join("checkpoints/step-00000014.safetensors"),
         broken.join("checkpoints/step-00000014.safetensors"),

@@ -112,17 +112,24 @@ fn an_engine_may_tell_its_outcomes_one_step_late() {
 }
 
 /// Total losses of the steps of [`short`] trainings. They hold on any machine: threads and instructions change the last digits only.
-const TOTALS: [(&str, [f64; 6]); 2] = [("demo", [0.0; 6]), ("paper-scan", [0.0; 6])];
+const TOTALS: [(&str, [f64; 6]); 2] = [
+    ("demo", [40.7539, 26.0883, 30.6712, 24.3599, 21.7006, 20.1138]),
+    ("paper-scan", [33.4699, 32.7331, 33.1775, 32.4695, 31.7240, 31.1421]),
+];
 
 // What is drawn, searched, weighed or updated in another way shows here, whatever the machine.
 #[test]
 fn a_short_training_goes_as_it_always_did() {
+    let mut all = Vec::new();
     for (preset, expected) in TOTALS {
         let (records, _) = train(&short(preset), on_cpu);
         let stages: Vec<_> = records.iter().map(|record| record.stage).collect();
         assert_eq!(stages, [[Stage::Pretraining; 2].as_slice(), &[Stage::Frames; 4]].concat());
         let found: Vec<f64> = records.iter().map(|record| record.losses["total"]).collect();
         let is_close = |(found, expected): (&f64, &f64)| (found - expected).abs() < 1e-3 * expected;
-        assert!(found.iter().zip(&expected).all(is_close), "{preset}: {found:?} not {expected:?}");
+        if !found.iter().zip(&expected).all(is_close) {
+            all.push(format!("{preset}: {found:?} not {expected:?}"));
+        }
     }
+    assert!(all.is_empty(), "{all:?}");
 }

@@ -733,5 +733,5 @@ fn the_verbs_film_check_and_show() {
     let points = xavatar::mesh::read_mesh(&cloud).unwrap().mesh;
     assert!(points.faces.is_empty() && points.vertices.len() > 20_000);
     let (code, printed) = run(&["pointcloud", &filmed, "--frame", "train/x/f00001", "--out", &path("other.ply")]);
-    assert!(code == Some(1) && printed.contains("train/Take1/f00001 to train/Take1/f00003"), "{printed}");
+    assert!(code == Some(2) && printed.contains("train/Take1/f00001 to train/Take1/f00003"), "{printed}");
 }
