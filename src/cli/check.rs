@@ -62,9 +62,7 @@ impl Check {
     fn check_scans(&self) -> anyhow::Result<CheckReport> {
         let opened = self.subject.open()?;
         let total = opened.subject.train.len() + opened.subject.test.len();
-        with_progress("scans", total, |done| {
-            Ok(check(&opened.subject, &opened.body, &opened.labels, done)?)
-        })
+        with_progress("scans", total, |done| Ok(check(&opened.subject, &opened.body, &opened.labels, done)?))
     }
 
     /// Records what mends the scans, if it is one placement, and checks them again.

@@ -12,7 +12,7 @@ use super::engine::Learned;
 use crate::{Error, InputError, Result};
 use xavatar_formats::{TensorFile, create_folder};
 
-const FOLDER: &str = "checkpoints";
+pub(super) const FOLDER: &str = "checkpoints";
 const BEST: &str = "best.safetensors";
 
 /// Where a run stands.

@@ -17,7 +17,7 @@ use crate::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
 use crate::formats::{Choice, Remedy};
 use crate::{Error, InputError, Result};
 
-const FOLDER: &str = "cache";
+pub(super) const FOLDER: &str = "cache";
 /// Which of the body's vertices some RGB-D frame shows: a byte each, under this name in this file of the cache.
 const SEEN: &str = "seen";
 const SEEN_FILE: &str = "seen_vertices.npz";

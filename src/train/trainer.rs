@@ -18,7 +18,7 @@ use super::checkpoint::{self, Progress, State};
 use super::drawn::generator;
 use super::engine::{CpuEngine, Engine, EngineInput, Learned, Outcome};
 use super::epochs::Epochs;
-use super::frame_store::FrameStore;
+use super::frame_store::{self, FrameStore};
 use super::metrics_log::MetricsLog;
 use super::{Event, Observer, Stage, StepRecord, preview};
 use crate::avatar::{Avatar, Subject};
@@ -28,7 +28,7 @@ use crate::fields::{FieldRates, Fields, Poser};
 use crate::formats::{Choice, Remedy};
 use crate::render::write_png;
 use crate::{Error, InputError, Result};
-use xavatar_formats::write_atomically;
+use xavatar_formats::{FolderLock, is_vacant, remove_partial, write_atomically};
 
 const CONFIG: &str = "config.toml";
 pub(super) const PREVIEWS: &str = "previews";
@@ -53,6 +53,8 @@ pub struct Trainer<'a> {
     body: &'a BodyModel,
     labels: &'a PartLabels,
     run: PathBuf,
+    /// The run's folder is this process's.
+    _lock: FolderLock,
     subject: Subject,
     epochs: Epochs<'a>,
     engine: Box<dyn Engine>,
@@ -69,7 +71,7 @@ impl<'a> Trainer<'a> {
     /// Starts a run in a new or empty folder.
     ///
     /// # Errors
-    /// If the folder holds anything, a frame is bad (unless the configuration skips those), or the configuration is refused or for
+    /// If the folder holds anything or another process works in it, a frame is bad (unless the configuration skips those), or the configuration is refused or for
     /// frames of another kind.
     pub fn start(
         config: &'a Config,
@@ -80,8 +82,8 @@ impl<'a> Trainer<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Self> {
         frames.check(config)?;
-        fs::create_dir_all(run).map_err(InputError::io(run))?;
-        if fs::read_dir(run).map_err(InputError::io(run))?.next().is_some() {
+        let lock = FolderLock::take(run)?;
+        if !is_vacant(run)? {
             return Err(Error::from(InputError::Mismatch {
                 path: run.into(),
                 found: "a folder that is not empty".into(),
@@ -91,7 +93,7 @@ impl<'a> Trainer<'a> {
         }
         let text = config.to_toml()?;
         write_atomically(&run.join(CONFIG), |file| file.write_all(text.as_bytes()))?;
-        Self::open(config, frames, body, labels, run, observer)
+        Self::open(lock, config, frames, body, labels, run, observer)
     }
 
     /// The configuration of the run in a folder, for [`Trainer::resume`].
@@ -112,7 +114,7 @@ impl<'a> Trainer<'a> {
     /// Continues a run from its newest checkpoint that is not damaged; from the start if it had none yet.
     ///
     /// # Errors
-    /// If a checkpoint cannot be read, or is of another configuration.
+    /// If a checkpoint cannot be read or is of another configuration, or another process works in the folder.
     pub fn resume(
         config: &'a Config,
         frames: TrainingFrames,
@@ -122,10 +124,15 @@ impl<'a> Trainer<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Self> {
         frames.check(config)?;
-        Self::open(config, frames, body, labels, run, observer)
+        let lock = FolderLock::take(run)?;
+        for folder in [checkpoint::FOLDER, frame_store::FOLDER, PREVIEWS] {
+            remove_partial(&run.join(folder))?;
+        }
+        Self::open(lock, config, frames, body, labels, run, observer)
     }
 
     fn open(
+        lock: FolderLock,
         config: &'a Config,
         frames: TrainingFrames,
         body: &'a BodyModel,
@@ -151,6 +158,7 @@ impl<'a> Trainer<'a> {
         let subject = Subject::of(body, frames.gender(), frames.betas(), bounds, store.len())?;
         let epochs = Epochs { config, frames: store, canonical: Arc::new(canonical), follows_weights, ahead: None };
         Ok(Self {
+            _lock: lock,
             metrics: MetricsLog::open(run, (progress.pretraining_steps + progress.steps) as usize)?,
             earlier_seconds: progress.seconds,
             engine: Box::new(engine),

@@ -22,7 +22,7 @@ const TINY: [&str; 9] = [
     "schedule.checkpoint_steps=5",
 ];
 
-fn xavatar(arguments: &[&str]) -> Command {
+pub(super) fn xavatar(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_xavatar"));
     command.args(arguments).stdin(Stdio::null());
     command
@@ -39,7 +39,7 @@ fn outcome(arguments: &[&str]) -> (i32, String) {
     (output.status.code().unwrap(), String::from_utf8(printed).unwrap())
 }
 
-fn assert_outcome(arguments: &[&str], code: i32, words: &[&str]) -> String {
+pub(super) fn assert_outcome(arguments: &[&str], code: i32, words: &[&str]) -> String {
     let (found, printed) = outcome(arguments);
     assert_eq!(found, code, "{arguments:?}\n{printed}");
     for word in words {
@@ -49,7 +49,7 @@ fn assert_outcome(arguments: &[&str], code: i32, words: &[&str]) -> String {
     printed
 }
 
-fn text(path: &Path) -> &str {
+pub(super) fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
@@ -67,14 +67,14 @@ fn data() -> (&'static str, &'static str) {
 }
 
 /// The arguments that train a tiny avatar for so many steps.
-fn training(out: &Path, steps: usize) -> Vec<String> {
+pub(super) fn training(out: &Path, steps: usize) -> Vec<String> {
     let (data, body) = data();
     let fixed = ["train", data, "--body", body, "--out", text(out), "--preset", "demo"];
     let settings = TINY.iter().flat_map(|setting| ["--set", setting]);
     fixed.into_iter().chain(settings).map(str::to_owned).chain(["--steps".into(), steps.to_string()]).collect()
 }
 
-fn borrowed(arguments: &[String]) -> Vec<&str> {
+pub(super) fn borrowed(arguments: &[String]) -> Vec<&str> {
     arguments.iter().map(String::as_str).collect()
 }
 
@@ -231,7 +231,7 @@ fn meshes_of_fixed_topology_have_the_same_faces() {
 
 /// Starts training, sends a signal once so many steps are noted, and returns the exit code, if any, and what was printed.
 #[cfg(unix)]
-fn interrupt(arguments: &[&str], run: &Path, steps: usize, signal: &str) -> (Option<i32>, String) {
+pub(super) fn interrupt(arguments: &[&str], run: &Path, steps: usize, signal: &str) -> (Option<i32>, String) {
     let child = xavatar(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let deadline = Instant::now() + Duration::from_secs(60);
     while std::fs::read_to_string(run.join("metrics.jsonl")).unwrap_or_default().lines().count() < steps {
