@@ -103,6 +103,21 @@ pub enum Error {
         /// Where the formats are described.
         remedy: Remedy,
     },
+    /// A skeleton whose bones' names do not say which joints of a body they are.
+    #[error(
+        "{path}: a skeleton in which no bone is known as {missing}; {remedy}:{map}",
+        path = Shown(path.display()), missing = Shown(missing), map = Indented(map)
+    )]
+    UnknownBones {
+        /// The file.
+        path: PathBuf,
+        /// The joints that no bone is known as.
+        missing: String,
+        /// A map of the bones to start from, in TOML, a line each.
+        map: Vec<String>,
+        /// What to do with it.
+        remedy: Remedy,
+    },
     /// A value outside its range, or an array of the wrong shape, passed by a caller or a configuration.
     #[error("{name} is {found}, expected {expected}", name = Shown(name), found = Shown(found), expected = Shown(expected))]
     Value {
@@ -179,6 +194,7 @@ impl Error {
             Self::Missing { remedy, .. }
             | Self::Mismatch { remedy, .. }
             | Self::Unrecognised { remedy, .. }
+            | Self::UnknownBones { remedy, .. }
             | Self::Unfit { remedy, .. } => Some(remedy),
             Self::Frame { source, .. } => source.remedy(),
             _ => None,
@@ -224,6 +240,12 @@ mod tests {
                 tried: vec![text.clone()],
                 remedy: "convert it".into(),
             },
+            Error::UnknownBones {
+                path: path.clone(),
+                missing: text.clone(),
+                map: vec![text.clone()],
+                remedy: text.as_str().into(),
+            },
             Error::Value { name: text.clone(), found: text.clone(), expected: text.clone() },
             Error::Unfit { message: text.clone(), remedy: "scan again".into() },
             Error::Frame { frame: text.clone(), source: Box::new(Error::Io { path, source: system() }) },
@@ -238,6 +260,7 @@ mod tests {
                 | Error::TooLarge { .. }
                 | Error::Mismatch { .. }
                 | Error::Unrecognised { .. }
+                | Error::UnknownBones { .. }
                 | Error::Value { .. }
                 | Error::Unfit { .. }
                 | Error::Frame { .. } => {}
@@ -250,7 +273,11 @@ mod tests {
     fn no_message_carries_what_a_terminal_obeys_or_more_than_a_screen() {
         for error in every_error("\u{1b}]0;title\u{7}\n\u{9b}2J\r") {
             let message = error.to_string();
-            let lines = if matches!(error, Error::Unrecognised { .. }) { 3 } else { 1 };
+            let lines = match error {
+                Error::Unrecognised { .. } => 3,
+                Error::UnknownBones { .. } => 2,
+                _ => 1,
+            };
             assert_eq!(message.lines().count(), lines, "{message:?}");
             assert!(!message.chars().any(|character| character.is_control() && character != '\n'), "{message:?}");
         }

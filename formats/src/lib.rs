@@ -5,6 +5,7 @@
 //! | npy, npz | [`read_npy`], [`read_npz`]; written by [`write_npz`] |
 //! | pickle, of every protocol | [`read_pickle`], [`read_pickle_arrays`]: a machine with an allow-list that runs nothing that is in the file |
 //! | PyTorch checkpoint | [`read_torch`] |
+//! | any of these and JSON, by what it begins with, compressed or not | [`ArrayFile`] |
 //! | safetensors | [`TensorFile`] |
 //! | PNG, JPEG, TIFF, BMP, TGA | [`read_picture`] |
 //!
@@ -17,6 +18,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod array;
+mod array_file;
 mod atomic_file;
 mod budget;
 mod element;
@@ -35,6 +37,7 @@ mod tensor_file;
 mod torch;
 
 pub use array::{Array, ArrayData, ArrayMap};
+pub use array_file::{ArrayFile, Container};
 pub use atomic_file::write_atomically;
 pub use element::element_count;
 pub use error::{Error, MemoryLimit, Result};

@@ -9,7 +9,11 @@ use crate::shown::Shown;
 
 /// What a user can do.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Remedy {
+pub struct Remedy(Box<Content>);
+
+/// Behind a pointer: every result that may be an error carries its size.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Content {
     words: String,
     choice: Option<Choice>,
 }
@@ -29,6 +33,10 @@ pub enum Choice {
     CheckData,
     /// To say which bone is which joint.
     BoneMap,
+    /// To say which axis of a motion is up, or what its numbers are relative to.
+    UpAxis,
+    /// To say how many frames a second a motion has.
+    FrameRate,
     /// To learn more slowly.
     LearningRate,
 }
@@ -36,28 +44,28 @@ pub enum Choice {
 impl Remedy {
     /// Words for a choice that a caller has.
     pub fn choosing(choice: Choice, words: impl Into<String>) -> Self {
-        Self { words: words.into(), choice: Some(choice) }
+        Self(Box::new(Content { words: words.into(), choice: Some(choice) }))
     }
 
     /// What to do, in words.
     pub fn words(&self) -> &str {
-        &self.words
+        &self.0.words
     }
 
     /// The choice that does it, if it is one.
     pub fn choice(&self) -> Option<Choice> {
-        self.choice
+        self.0.choice
     }
 }
 
 impl<W: Into<String>> From<W> for Remedy {
     fn from(words: W) -> Self {
-        Self { words: words.into(), choice: None }
+        Self(Box::new(Content { words: words.into(), choice: None }))
     }
 }
 
 impl fmt::Display for Remedy {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        Shown(&self.words).fmt(formatter)
+        Shown(&self.0.words).fmt(formatter)
     }
 }

@@ -18,7 +18,16 @@ use crate::{Error, Result, Value};
 const FORMAT: &str = "PyTorch file";
 const ZIP: &[u8] = b"PK\x03\x04";
 /// How files of PyTorch before 1.6 begin: protocol 2 and the number 0x1950a86a20f9469cfc6c.
-const LEGACY: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19";
+pub(crate) const LEGACY: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19";
+
+/// What to do with those.
+pub(crate) const REWRITE: &str = "rewrite it in Python: torch.save(torch.load(\"OLD\", map_location=\"cpu\"), \"NEW\")";
+
+/// Whether a zip archive is one of PyTorch.
+pub(crate) fn is_archive(bytes: &[u8]) -> bool {
+    let Ok(archive) = ZipArchive::new(Cursor::new(bytes)) else { return false };
+    archive.file_names().flatten().any(|name| name.ends_with("/data.pkl") && name.matches('/').count() == 1)
+}
 
 /// Reads a file written by `torch.save`: dicts, lists and numbers, tensors as [`Value::Array`].
 ///
@@ -35,7 +44,7 @@ pub fn read_torch(path: impl AsRef<Path>) -> Result<Value> {
             path: path.into(),
             found: "a file in PyTorch's format before 1.6".into(),
             expected: "a zip archive as torch.save writes it since".into(),
-            remedy: "rewrite it in Python: torch.save(torch.load(\"OLD\", map_location=\"cpu\"), \"NEW\")".into(),
+            remedy: REWRITE.into(),
         });
     }
     parse_torch(&bytes).map_err(|fault| fault.in_file(path, FORMAT))

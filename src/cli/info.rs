@@ -13,7 +13,7 @@ use xavatar::body::{BodyModel, Gender, PartLabels};
 use xavatar::config::Config;
 use xavatar::data::{Clip, Motion, MotionOptions, read_motion};
 use xavatar::formats::Shown;
-use xavatar::formats::{Array, ArrayMap, Value, read_npy, read_npz, read_pickle, read_pickle_arrays};
+use xavatar::formats::{Array, ArrayFile, ArrayMap, Container, read_pickle};
 use xavatar::mesh::{Colouring, MESH_EXTENSIONS, Note, ReadMesh, SurfacePoint, Topology, TriangleMesh, read_mesh};
 
 use super::Outcome;
@@ -25,7 +25,7 @@ use super::json::JsonArgument;
 #[command(after_help = "Examples:\n  \
     xavatar info runs/00016\n  xavatar info data/00016\n  xavatar info models/smplx/SMPLX_NEUTRAL.npz\n  xavatar info runs/00016 --json -")]
 pub struct Info {
-    /// The folder of a run or a subject, .safetensors, .npz, .npy, .pkl, .bvh, .ply, .obj or .glb
+    /// The folder of a run or a subject, .safetensors, .npz, .npy, .pkl, .pt, .json, .bvh, .ply, .obj or .glb
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
@@ -44,21 +44,9 @@ impl Info {
         let content = match extension.as_str() {
             _ if path.is_dir() => of_folder(path)?,
             "safetensors" => of_avatar(path)?,
-            "npz" => of_arrays(path, &read_npz(path)?),
-            "npy" => Content::Array(ArrayDescription::of(&read_npy(path)?)),
-            "pkl" => match read_pickle(path)? {
-                Value::Dict(_) => of_arrays(path, &read_pickle_arrays(path)?),
-                Value::Array(array) => Content::Array(ArrayDescription::of(&array)),
-                value => Content::Pickle { holds: value.kind() },
-            },
             "bvh" => of_motion(read_motion(path)?, Arrays::new()),
-            _ => of_mesh(path).map_err(|error| match error {
-                // That of a file of another kind, which may be none of a mesh.
-                InputError::Mismatch { .. } if !MESH_EXTENSIONS.contains(&extension.as_str()) => {
-                    anyhow!("{error}; or give a run's folder, .safetensors, .npz, .npy, .pkl or .bvh")
-                }
-                other => other.into(),
-            })?,
+            extension if MESH_EXTENSIONS.contains(&extension) => of_mesh(path)?,
+            _ => of_array_file(path)?,
         };
         self.json.print(&content, &content)?;
         Ok(Outcome::Done)
@@ -104,6 +92,7 @@ enum Content {
     },
     Arrays {
         arrays: Arrays,
+        problem: Option<String>,
     },
     Array(ArrayDescription),
     Pickle {
@@ -168,6 +157,32 @@ fn of_avatar(path: &Path) -> anyhow::Result<Content> {
     })))
 }
 
+/// A file of arrays, in whatever container, or of a motion without any.
+fn of_array_file(path: &Path) -> anyhow::Result<Content> {
+    let Some(file) = ArrayFile::read(path)? else {
+        return match read_motion(path) {
+            Ok(motion) => Ok(of_motion(motion, Arrays::new())),
+            Err(_) => of_mesh(path).map_err(|error| match error {
+                // That of a file of another kind, which may be none of a mesh.
+                InputError::Mismatch { .. } => {
+                    anyhow!("{error}; or give a run's folder, .safetensors, .npz, .npy, .pkl, .pt, .json or .bvh")
+                }
+                other => other.into(),
+            }),
+        };
+    };
+    Ok(match file.single() {
+        Some(array) => match read_motion(path) {
+            Ok(motion) => of_motion(motion, Arrays::from([(String::new(), ArrayDescription::of(array))])),
+            Err(_) => Content::Array(ArrayDescription::of(array)),
+        },
+        None if file.arrays.is_empty() && file.container == Container::Pickle => {
+            Content::Pickle { holds: read_pickle(path)?.kind() }
+        }
+        None => of_arrays(path, &file.arrays),
+    })
+}
+
 fn of_arrays(path: &Path, arrays: &ArrayMap) -> Content {
     let described = arrays.iter().map(|(name, array)| (name.clone(), ArrayDescription::of(array))).collect();
     if arrays.contains_key("v_template") {
@@ -175,14 +190,22 @@ fn of_arrays(path: &Path, arrays: &ArrayMap) -> Content {
     }
     match read_motion(path) {
         Ok(motion) => of_motion(motion, described),
-        Err(_) => Content::Arrays { arrays: described },
+        Err(InputError::Unrecognised { .. }) => Content::Arrays { arrays: described, problem: None },
+        // It is meant to be a motion.
+        Err(error) => Content::Arrays { arrays: described, problem: Some(error.to_string()) },
     }
 }
 
 fn of_motion(motion: Motion, arrays: Arrays) -> Content {
     let (frames, frames_per_second, source) = (motion.frames.len(), motion.frames_per_second, motion.source.clone());
-    let report =
-        Clip::of(motion, &MotionOptions::default()).map_or_else(|error| vec![error.to_string()], |clip| clip.report);
+    let report = Clip::of(motion, &MotionOptions::default()).map_or_else(
+        |error| vec![error.to_string()],
+        |clip| {
+            let warnings =
+                clip.warnings.iter().map(|warning| format!("warning: {}", super::motion::described(warning)));
+            clip.report.into_iter().chain(warnings).collect()
+        },
+    );
     Content::Motion { frames, frames_per_second, source, report, arrays }
 }
 
@@ -251,7 +274,12 @@ impl fmt::Display for Content {
                 report.iter().try_for_each(|line| writeln!(formatter, "{line}"))?;
                 write_arrays(formatter, arrays)
             }
-            Self::Arrays { arrays } => write_arrays(formatter, arrays),
+            Self::Arrays { arrays, problem } => {
+                if let Some(problem) = problem {
+                    writeln!(formatter, "not a usable motion: {problem}")?;
+                }
+                write_arrays(formatter, arrays)
+            }
             Self::Array(array) => writeln!(formatter, "{}", array.description),
             Self::Pickle { holds } => writeln!(formatter, "pickled {holds}"),
             Self::Mesh { vertices, faces, colours, mean_colour, watertight, open_edges, parts, notes } => {

@@ -99,10 +99,22 @@ enum Outcome {
     Stopped,
 }
 
-/// The arguments contradict each other or name a setting that there is not.
+/// The arguments contradict each other, or ask for what there is not, which only shows when the work begins.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
-struct WrongUsage(xavatar::Error);
+struct WrongUsage(#[from] anyhow::Error);
+
+impl From<xavatar::Error> for WrongUsage {
+    fn from(error: xavatar::Error) -> Self {
+        Self(error.into())
+    }
+}
+
+/// Ends the verb with wrong usage, in the words of `format!`.
+macro_rules! wrong_usage {
+    ($($words:tt)*) => { return Err($crate::cli::WrongUsage(anyhow::anyhow!($($words)*)).into()) };
+}
+use wrong_usage;
 
 /// Runs the command that the arguments ask for.
 pub fn main() -> ExitCode {
@@ -135,18 +147,22 @@ fn advice(error: &anyhow::Error) -> String {
         Some(error) => error.choice(),
         None => cause.downcast_ref::<InputError>()?.remedy()?.choice(),
     };
-    let option = |choice| -> Cow<'static, str> {
-        match choice {
-            Choice::SkipBadFrames => "--skip-bad-frames".into(),
-            Choice::ContinueRun => "--resume".into(),
-            Choice::StartRun => "the same command without --resume".into(),
-            Choice::Accept(defect) => format!("--accept {defect}").into(),
-            Choice::CheckData => "xavatar check".into(),
-            Choice::BoneMap => "--bone-map".into(),
-            Choice::LearningRate => "--set optimiser.learning_rate=...".into(),
-        }
-    };
     error.chain().find_map(choice_of).map_or_else(String::new, |choice| format!(" ({})", option(choice)))
+}
+
+/// What this program calls a choice.
+fn option(choice: Choice) -> Cow<'static, str> {
+    match choice {
+        Choice::SkipBadFrames => "--skip-bad-frames".into(),
+        Choice::ContinueRun => "--resume".into(),
+        Choice::StartRun => "the same command without --resume".into(),
+        Choice::Accept(defect) => format!("--accept {defect}").into(),
+        Choice::CheckData => "xavatar check".into(),
+        Choice::BoneMap => "--bones map.toml".into(),
+        Choice::UpAxis => "--up, --from camera".into(),
+        Choice::FrameRate => "--source-fps".into(),
+        Choice::LearningRate => "--set optimiser.learning_rate=...".into(),
+    }
 }
 
 fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {

@@ -7,9 +7,11 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
-use xavatar::data::{Clip, HandConvention, MotionOptions, RestPose, Translation, UpAxis};
+use xavatar::data::{Clip, Coordinates, HandConvention, MotionOptions, RestPose, Translation, UpAxis, Warning};
 use xavatar::formats::read_text;
 use xavatar::synthetic::load_clip;
+
+use super::option;
 
 /// What the user declares about a motion, and what is to be made of it.
 #[derive(Clone, Debug, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -18,6 +20,9 @@ pub struct MotionArguments {
     /// The motion's up axis, where it is detected wrongly
     #[arg(long, value_enum, value_name = "AXIS")]
     up: Option<Up>,
+    /// What the motion's numbers are relative to; of a file that has both, which to read: the world's by default
+    #[arg(long, value_enum, value_name = "COORDINATES")]
+    from: Option<Space>,
     /// What the motion's hand poses are, where the format's convention is not followed
     #[arg(long, value_enum, value_name = "CONVENTION")]
     hands: Option<Hands>,
@@ -37,16 +42,27 @@ pub struct MotionArguments {
     #[arg(long, value_enum, default_value_t = Travel::Keep)]
     translation: Travel,
     /// For BVH: a TOML file with lines such as "Hips" = "pelvis", where bones have names that are not known
-    #[arg(long, value_name = "FILE")]
-    bone_map: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", alias = "bone-map")]
+    bones: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 enum Up {
     Y,
     Z,
+    X,
     /// As in camera coordinates
     YDown,
+    ZDown,
+    XDown,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+enum Space {
+    /// A camera: x right, y down, z away from it
+    Camera,
+    /// A world that stays while the camera moves
+    World,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -78,6 +94,7 @@ impl MotionArguments {
     pub fn load(&self, motion: &Path, avatar: &Avatar) -> anyhow::Result<Clip> {
         let clip = load_clip(motion, &self.options(avatar)?)?;
         clip.report.iter().for_each(|line| log::info!("{line}"));
+        warn(&clip);
         Ok(clip)
     }
 
@@ -101,7 +118,14 @@ impl MotionArguments {
             up: self.up.map(|up| match up {
                 Up::Y => UpAxis::Y,
                 Up::Z => UpAxis::Z,
+                Up::X => UpAxis::X,
                 Up::YDown => UpAxis::MinusY,
+                Up::ZDown => UpAxis::MinusZ,
+                Up::XDown => UpAxis::MinusX,
+            }),
+            coordinates: self.from.map(|from| match from {
+                Space::Camera => Coordinates::Camera,
+                Space::World => Coordinates::World,
             }),
             hands: self.hands.map(|hands| match hands {
                 Hands::Flat => HandConvention::Flat,
@@ -118,9 +142,20 @@ impl MotionArguments {
                 Travel::None => Translation::None,
             },
             rest: RestPose::of_canonical(&avatar.subject.joints)?,
-            bone_map: self.bone_map.as_deref().map(read_bone_map).transpose()?,
+            bone_map: self.bones.as_deref().map(read_bone_map).transpose()?,
         })
     }
+}
+
+/// Says what may be wrong with a motion, and the option for it.
+pub fn warn(clip: &Clip) {
+    clip.warnings.iter().for_each(|warning| log::warn!("{}", described(warning)));
+}
+
+/// A warning, with the option for it.
+pub fn described(warning: &Warning) -> String {
+    let advice = warning.choice.map_or_else(String::new, |choice| format!(" ({})", option(choice)));
+    format!("{warning}{advice}")
 }
 
 fn read_bone_map(path: &Path) -> anyhow::Result<BTreeMap<String, String>> {

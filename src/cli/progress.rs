@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use xavatar::formats::Shown;
-use xavatar::train::{Event, Observer, Stage, StepRecord};
+use xavatar::runs::{Event, Observer};
+use xavatar::train::{Stage, StepRecord};
 
 use super::messages::{self, BARS, ProgressLine};
 use super::stop;
@@ -94,6 +95,9 @@ impl Observer for Progress {
                     Stage::Frames => self.show("avatar", progress, &message),
                 }
                 stop::set_training(true);
+            }
+            Event::Measured { done, total, frame } => {
+                self.show("measuring", share(done as u64, total as u64), frame);
             }
             Event::Checkpoint { .. } => {}
             Event::Preview { path } => log::info!("preview: {}", path.display()),

@@ -49,7 +49,7 @@ mod joint {
 pub fn dance() -> Clip {
     let frames = frames();
     let report = vec![format!("motion: the built-in dance, {} frames at {RATE} per second", frames.len())];
-    Clip { frames, frames_per_second: RATE, report }
+    Clip { frames, frames_per_second: RATE, report, warnings: Vec::new() }
 }
 
 /// Reads a motion of any format ([`read_motion`](crate::data::read_motion)) and applies the options; [`DANCE`] is the built-in one, unless there

@@ -1,4 +1,4 @@
-//! AMASS motions: `poses` (T, n) over all joints in order, `trans` (T, 3), `betas`; Z up.
+//! AMASS motions: `poses` (T, n) over all joints in order, `trans` (T, 3), `betas`, `mocap_frame_rate`; Z up.
 //!
 //! | n | model | joints |
 //! |---|---|---|
@@ -21,10 +21,17 @@ use xavatar_formats::{ArrayMap, Result};
 
 const FORMAT: &str = "AMASS motion";
 /// Where SMPL's and SMPL+H's pelvis is at rest, to two centimetres between genders, metres: SMPL-X's origin is higher.
-const SMPL_PELVIS: Vec3 = Vec3::new(0.0, -0.23, 0.028);
+pub(super) const SMPL_PELVIS: Vec3 = Vec3::new(0.0, -0.23, 0.028);
+
+const RATE: [&str; 2] = ["mocap_frame_rate", "mocap_framerate"];
 
 pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
-    arrays.contains_key("poses").then_some(()).ok_or_else(|| "no `poses`".into())
+    if !arrays.contains_key("poses") {
+        return Err("no `poses`".into());
+    }
+    // Others took its names, but not its marks, and other axes.
+    let is_marked = RATE.iter().chain(&["dmpls"]).any(|key| arrays.contains_key(*key));
+    (is_marked && !arrays.contains_key("expressions")).then_some(()).ok_or_else(|| "no `mocap_frame_rate`".into())
 }
 
 /// The model that poses of so many columns are of.
@@ -70,11 +77,20 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     if model == Model::Smpl {
         neutral.extend(["left_hand_pose", "right_hand_pose"]);
     }
-    let frames_per_second = reader.frames_per_second(&["mocap_frame_rate", "mocap_framerate", "fps"])?;
+    let frames_per_second = reader.frames_per_second(&RATE)?;
     let mut zeroed = reader.zeroed();
     zeroed.extend(neutral.into_iter().map(str::to_owned));
     let source = format!("{} ({FORMAT})", path.display());
-    Ok(Motion { frames, frames_per_second, up: UpAxis::Z, source, zeroed, notes, ..Motion::default() })
+    Ok(Motion {
+        frames,
+        frames_per_second,
+        up: UpAxis::Z,
+        up_is_certain: true,
+        source,
+        zeroed,
+        notes,
+        ..Motion::default()
+    })
 }
 
 fn pose(model: Model, row: &[f32]) -> smplx::Parameters {

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::conventions::{HandConvention, Translation, UpAxis};
+use super::conventions::{Coordinates, HandConvention, Translation, UpAxis};
 use super::rest::RestPose;
 use super::timing::{resampled, smoothed};
-use super::{Motion, Onto, detect};
+use super::{Motion, Wanted, Warning, detect};
 use xavatar_body::{BodyModel, BodyParameters, HandPose, Pose, PoseAxisAngle, smplx};
 use xavatar_formats::{Error, Result};
 
@@ -20,6 +20,9 @@ const USUAL_RATE: f32 = 30.0;
 pub struct MotionOptions {
     /// The up axis, where it is not what the format and the body's stance say.
     pub up: Option<UpAxis>,
+    /// Which of a file's motions to read where it has one in the camera's coordinates and one in the world's; of a file that has
+    /// one only, what it is in.
+    pub coordinates: Option<Coordinates>,
     /// What the file's hands are, where it is not what the format says.
     pub hands: Option<HandConvention>,
     /// The file's frames a second, where it does not say so, or wrongly.
@@ -47,6 +50,8 @@ pub struct Clip {
     pub frames_per_second: f32,
     /// What was read, detected, declared and changed, a line each, for the user.
     pub report: Vec<String>,
+    /// What may be wrong with it, a line each: loud.
+    pub warnings: Vec<Warning>,
 }
 
 impl Clip {
@@ -55,7 +60,9 @@ impl Clip {
     /// # Errors
     /// Those of [`read_motion`](super::read_motion); [`Error::Value`] for options that no motion, or this one, can follow.
     pub fn load(path: &Path, options: &MotionOptions) -> Result<Self> {
-        let motion = detect::read(path, &Onto { rest: &options.rest, bone_map: options.bone_map.as_ref() })?;
+        let wanted =
+            Wanted { rest: &options.rest, bone_map: options.bone_map.as_ref(), coordinates: options.coordinates };
+        let motion = detect::read(path, &wanted)?;
         Self::of(motion, options)
     }
 
@@ -79,8 +86,11 @@ impl Clip {
         };
         report.push(format!("frame rate: {rate} per second ({origin})"));
 
-        report.push(turn_up(&mut motion, options));
-        let motion = motion.turned_to_y_up(options.rest.pelvis());
+        motion.warnings.extend(motion.doubt_about_axis(options));
+        report.push(motion.settle_up(options));
+        let mut motion = motion.turned_to_y_up(options.rest.pelvis());
+        let mut warnings = std::mem::take(&mut motion.warnings);
+        warnings.extend(motion.doubts_about_up());
         let mut frames = motion.frames;
 
         let origin = if options.hands.is_some() { "declared" } else { "by the format" };
@@ -112,7 +122,7 @@ impl Clip {
         }
         options.translation.apply(&mut frames);
         report.push(format!("translation: {}", options.translation));
-        Ok(Self { frames, frames_per_second: wanted, report })
+        Ok(Self { frames, frames_per_second: wanted, report, warnings })
     }
 
     /// The pose of each frame (T) on a body; without one, where the hands can be known without.
@@ -132,24 +142,6 @@ impl Clip {
     pub fn seconds(&self) -> f32 {
         self.frames.len() as f32 / self.frames_per_second
     }
-}
-
-/// Sets the motion's up axis to the declared or the detected one; the line of the report about it.
-fn turn_up(motion: &mut Motion, options: &MotionOptions) -> String {
-    let (axis, origin) = match (options.up, motion.contradicting_axis()) {
-        (Some(declared), _) => (declared, "declared".to_owned()),
-        (None, Some(standing)) if !motion.up_is_certain => {
-            let usual = motion.up;
-            (
-                standing,
-                format!("the body stands along it, though {usual} is this format's; declare {usual} if it is right"),
-            )
-        }
-        (None, _) => (motion.up, "by the format".to_owned()),
-    };
-    motion.up = axis;
-    let turned = if axis == UpAxis::Y { "" } else { "; turned to Y" };
-    format!("up axis: {axis} ({origin}){turned}")
 }
 
 /// Reads a hand's numbers in another convention than its source's.

@@ -7,11 +7,6 @@ use glam::{Quat, Vec3};
 use super::Motion;
 use xavatar_body::{HandPose, PoseAxisAngle, smplx};
 
-/// A body that stands for most of a clip has the mean of its own up axis this close to one axis of the world (a cosine).
-const STANDS: f32 = 0.8;
-/// And this far from the others: below, the axis is not that one.
-const LIES: f32 = 0.3;
-
 /// The axis of a motion's world that points up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum UpAxis {
@@ -22,25 +17,46 @@ pub enum UpAxis {
     Z,
     /// Y points down, as in the camera coordinates of pose estimators (x right, z away from the camera).
     MinusY,
+    /// Z points down.
+    MinusZ,
+    /// X points up.
+    X,
+    /// X points down.
+    MinusX,
 }
 
 impl UpAxis {
+    /// Every axis, the more usual ones first.
+    pub const ALL: [Self; 6] = [Self::Y, Self::Z, Self::MinusY, Self::MinusZ, Self::X, Self::MinusX];
+
     /// The direction, in the motion's world.
     pub fn direction(self) -> Vec3 {
         match self {
             Self::Y => Vec3::Y,
             Self::Z => Vec3::Z,
             Self::MinusY => Vec3::NEG_Y,
+            Self::MinusZ => Vec3::NEG_Z,
+            Self::X => Vec3::X,
+            Self::MinusX => Vec3::NEG_X,
         }
     }
 
     /// The rotation that brings the axis to Y.
     fn to_y(self) -> Quat {
+        use std::f32::consts::FRAC_PI_2;
         match self {
             Self::Y => Quat::IDENTITY,
-            Self::Z => Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2),
+            Self::Z => Quat::from_rotation_x(-FRAC_PI_2),
             Self::MinusY => Quat::from_xyzw(1.0, 0.0, 0.0, 0.0),
+            Self::MinusZ => Quat::from_rotation_x(FRAC_PI_2),
+            Self::X => Quat::from_rotation_z(FRAC_PI_2),
+            Self::MinusX => Quat::from_rotation_z(-FRAC_PI_2),
         }
+    }
+
+    /// The axis of this name, as [`Display`](std::fmt::Display) writes it, in any case.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|axis| axis.to_string().eq_ignore_ascii_case(name))
     }
 }
 
@@ -50,6 +66,27 @@ impl std::fmt::Display for UpAxis {
             Self::Y => "Y",
             Self::Z => "Z",
             Self::MinusY => "Y-down",
+            Self::MinusZ => "Z-down",
+            Self::X => "X",
+            Self::MinusX => "X-down",
+        })
+    }
+}
+
+/// What the numbers of an estimate are relative to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coordinates {
+    /// The camera: x right, y down, z away from it.
+    Camera,
+    /// A world that stays while the camera moves.
+    World,
+}
+
+impl std::fmt::Display for Coordinates {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Self::Camera => "the camera's",
+            Self::World => "the world's",
         })
     }
 }
@@ -140,21 +177,6 @@ impl Motion {
         self.up = UpAxis::Y;
         self
     }
-
-    /// The axis along which the body stands, head up, for most of the motion; `None` if it lies, bends or tumbles.
-    pub(super) fn standing_axis(&self) -> Option<UpAxis> {
-        let up = |frame: &smplx::Parameters| Quat::from_scaled_axis(frame.global_orient.0) * Vec3::Y;
-        let mean = self.frames.iter().map(up).sum::<Vec3>() / self.frames.len().max(1) as f32;
-        let axes = [UpAxis::Y, UpAxis::Z, UpAxis::MinusY];
-        axes.into_iter().find(|axis| mean.dot(axis.direction()) > STANDS)
-    }
-
-    /// The standing axis, if it is clearly not the one that the format should have.
-    pub(super) fn contradicting_axis(&self) -> Option<UpAxis> {
-        let axis = self.standing_axis()?;
-        let is_other = axis.direction().dot(self.up.direction()) < LIES;
-        is_other.then_some(axis)
-    }
 }
 
 /// The same rotation with an angle of at most half a turn.
@@ -187,6 +209,9 @@ mod tests {
             (UpAxis::Y, (|v| v) as fn(Vec3) -> Vec3),
             (UpAxis::Z, |v| Vec3::new(v.x, v.z, -v.y)),
             (UpAxis::MinusY, |v| Vec3::new(v.x, -v.y, -v.z)),
+            (UpAxis::MinusZ, |v| Vec3::new(v.x, -v.z, v.y)),
+            (UpAxis::X, |v| Vec3::new(-v.y, v.x, v.z)),
+            (UpAxis::MinusX, |v| Vec3::new(v.y, -v.x, v.z)),
         ] {
             let turned = motion(up, frame.clone()).turned_to_y_up(pelvis);
             assert_eq!(turned.up, UpAxis::Y);
@@ -196,19 +221,6 @@ mod tests {
                 assert!((place(&turned.frames[0], pelvis, point) - expected).length() < 1e-5, "{up}");
             }
         }
-    }
-
-    #[test]
-    fn a_standing_body_shows_which_axis_is_up() {
-        let standing = |turn: Vec3| smplx::Parameters { global_orient: PoseAxisAngle(turn), ..Default::default() };
-        let quarter = std::f32::consts::FRAC_PI_2;
-        let (along_z, along_y) = (standing(Vec3::X * quarter), standing(Vec3::Y * 2.0));
-        assert_eq!(motion(UpAxis::Y, along_z.clone()).standing_axis(), Some(UpAxis::Z));
-        assert_eq!(motion(UpAxis::Y, standing(Vec3::X * std::f32::consts::PI)).standing_axis(), Some(UpAxis::MinusY));
-        assert_eq!(motion(UpAxis::Z, along_z).contradicting_axis(), None);
-        assert_eq!(motion(UpAxis::Z, along_y).contradicting_axis(), Some(UpAxis::Y));
-        // On the side: nothing is known.
-        assert_eq!(motion(UpAxis::Y, standing(Vec3::Z * quarter)).standing_axis(), None);
     }
 
     #[test]

@@ -49,7 +49,7 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     let mut zeroed = reader.zeroed();
     zeroed.push("betas".into());
     let source = format!("{} ({FORMAT})", path.display());
-    Ok(Motion { frames, frames_per_second, up: UpAxis::Z, source, zeroed, ..Motion::default() })
+    Ok(Motion { frames, frames_per_second, up: UpAxis::Z, up_is_certain: true, source, zeroed, ..Motion::default() })
 }
 
 fn separate_poses(reader: &mut FrameReader) -> Result<Vec<smplx::Parameters>> {

@@ -2,17 +2,18 @@
 
 use std::path::Path;
 
-use super::Motion;
 use super::frames::{FrameReader, rotation};
+use super::{Motion, UpAxis};
 use crate::fields::{Fields, components, rotations};
 use xavatar_body::{Fingers, HandPose, PoseAxisAngle, smplx};
-use xavatar_formats::{Array, ArrayMap, Error, Result, write_npz};
+use xavatar_formats::{Array, ArrayMap, Container, Error, Result, write_npz};
 
 const FORMAT: &str = "motion npz";
+const AXES: &str = "Y, Z, Y-down, Z-down, X or X-down";
 const CONVENTIONS: &str = "flat, relative_to_mean or pca";
 
 /// Every array that the format has.
-const ARRAYS: [&str; 12] = [
+const ARRAYS: [&str; 13] = [
     "body_pose",
     "global_orient",
     "transl",
@@ -25,17 +26,46 @@ const ARRAYS: [&str; 12] = [
     "expression",
     "betas",
     "frames_per_second",
+    "up",
 ];
+/// Those that no other tool has beside them.
+const MARKS: [&str; 3] = ["hand_convention", "frames_per_second", "up"];
+/// Metres in front of a camera at which people are.
+const IN_FRONT: f32 = 1.0;
 
-pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
-    let Some(body) = arrays.get("body_pose") else { return Err("no `body_pose`".into()) };
-    match arrays.keys().find(|key| !ARRAYS.contains(&key.as_str())) {
-        Some(other) => Err(format!("`{other}` is none of its arrays")),
-        None if !matches!(body.shape[..], [_, 63]) => {
-            Err(format!("`body_pose` is {}, not (T, 63)", body.description()))
-        }
-        None => Ok(()),
+pub(super) fn recognised(container: Container, arrays: &ArrayMap) -> std::result::Result<(), String> {
+    if container != Container::Npz {
+        return Err("it is no npz".into());
     }
+    let Some(body) = arrays.get("body_pose") else { return Err("no `body_pose`".into()) };
+    if let Some(other) = arrays.keys().find(|key| !ARRAYS.contains(&key.as_str())) {
+        return Err(format!("`{other}` is none of its arrays"));
+    }
+    if !matches!(body.shape[..], [_, 63]) {
+        return Err(format!("`body_pose` is {}, not (T, 63)", body.description()));
+    }
+    is_y_up(arrays)
+}
+
+/// Whether the arrays are ours by their marks or, since estimators save the same names, by a body that is not in a camera's coordinates.
+fn is_y_up(arrays: &ArrayMap) -> std::result::Result<(), String> {
+    let numbers = |key: &str| arrays.get(key).and_then(Array::to_f32);
+    let Some(roots) = numbers("global_orient").filter(|_| !is_marked(arrays)) else { return Ok(()) };
+    let turned = |root: &[f32; 3]| smplx::Parameters { global_orient: rotation(*root), ..smplx::Parameters::default() };
+    let body = Motion { frames: roots.as_chunks().0.iter().map(turned).collect(), ..Motion::default() };
+    match body.standing_axis() {
+        Some(UpAxis::Y) => Ok(()),
+        Some(axis) => Err(format!("its body stands along {axis}, and it has none of `{}`", MARKS.join("`, `"))),
+        None => {
+            let places = numbers("transl").unwrap_or_default();
+            let is_seen = !places.is_empty() && places.as_chunks::<3>().0.iter().all(|[_, _, depth]| *depth > IN_FRONT);
+            if is_seen { Err("its body is in front of a camera".into()) } else { Ok(()) }
+        }
+    }
+}
+
+fn is_marked(arrays: &ArrayMap) -> bool {
+    MARKS.iter().any(|key| arrays.contains_key(*key))
 }
 
 pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
@@ -61,8 +91,13 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     };
     let frames = left_hand.into_iter().enumerate().zip(right_hand).map(frame).collect();
     let frames_per_second = reader.frames_per_second(&["frames_per_second"])?;
+    let up = match reader.text("up")? {
+        None => UpAxis::Y,
+        Some(name) => UpAxis::named(name).ok_or_else(|| reader.malformed("up", name, AXES))?,
+    };
     let source = format!("{} ({FORMAT})", path.display());
-    Ok(Motion { frames, frames_per_second, up_is_certain: true, source, zeroed: reader.zeroed(), ..Motion::default() })
+    let up_is_certain = is_marked(arrays) || !arrays.contains_key("global_orient");
+    Ok(Motion { frames, frames_per_second, up, up_is_certain, source, zeroed: reader.zeroed(), ..Motion::default() })
 }
 
 fn hands(reader: &mut FrameReader) -> Result<(Vec<HandPose>, Vec<HandPose>)> {
@@ -119,6 +154,9 @@ pub fn write_motion(path: impl AsRef<Path>, motion: &Motion) -> Result<()> {
     ]);
     // Coefficients that no frame has are left out: an array without columns could not be told from a damaged one.
     arrays.retain(|_, array| array.shape.last() != Some(&0));
+    if motion.up != UpAxis::Y {
+        arrays.insert("up".into(), Array::from_text(motion.up.to_string()));
+    }
     if let Some(rate) = motion.frames_per_second {
         arrays.insert("frames_per_second".into(), Array::from_f32(&[], vec![rate]));
     }

@@ -17,6 +17,11 @@ pub(crate) fn flatten(name: &str, value: Value, budget: &Budget, arrays: &mut Ar
                 let key = match key {
                     Value::Text(key) => key,
                     Value::Int(key) => key.to_string(),
+                    // A number of numpy's, as trackers count people.
+                    Value::Array(key) => match (&key.shape[..], &key.data) {
+                        ([], ArrayData::I64(number)) => number[0].to_string(),
+                        _ => continue,
+                    },
                     _ => continue,
                 };
                 let path = if name.is_empty() { key } else { format!("{name}.{key}") };

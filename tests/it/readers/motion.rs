@@ -102,9 +102,14 @@ fn motions_survive_a_round_trip_in_every_hand_convention() {
     for motion in [amass, grab, relative] {
         write_motion(&path, &motion).unwrap();
         let read = read_motion(&path).unwrap();
-        assert_eq!(read.frames, motion.frames);
+        // Coefficients that a motion leaves out are written as zeros.
+        let written = motion.frames.iter().cloned().map(|mut frame| {
+            frame.expression.resize(smplx::EXPRESSIONS, 0.0);
+            frame
+        });
+        assert_eq!(read.frames, written.collect::<Vec<_>>());
         assert_eq!(read.frames_per_second, motion.frames_per_second);
-        assert!(read.zeroed.is_empty());
+        assert!(read.zeroed.iter().all(|name| name == "expression"), "{:?}", read.zeroed);
     }
 }
 
@@ -243,7 +248,7 @@ fn a_file_in_no_format_is_told_why_for_each() {
         assert!(matches!(error, InputError::Unrecognised { .. }), "{error}");
         error.to_string()
     };
-    for bytes in [&b""[..], b"frame,x,y\n", b"\x1f\x8b\x08", b"BVH"] {
+    for bytes in [&b""[..], b"frame,x,y\n", b"BVH"] {
         let message = message("walk.csv", bytes);
         assert!(
             ["walk.csv", "npz", "pickle", "BVH", "HIERARCHY", "docs/motion.md"]
@@ -251,12 +256,11 @@ fn a_file_in_no_format_is_told_why_for_each() {
                 .all(|word| message.contains(word))
         );
     }
-    assert!(message("walk.npz", b"\x1f\x8b\x08").contains("compressed"));
     let path = folder.path().join("weights.npz");
     write_npz(&path, &ArrayMap::from([("lin0".into(), Array::from_f32(&[1], vec![0.0]))])).unwrap();
     let message = read_motion(&path).unwrap_err().to_string();
     for word in
-        ["lin0", "`body_pose`", "`poses`", "body.params", "X-Humans", "AMASS", "GRAB", "SMPL-X parameters", "BVH"]
+        ["lin0", "`body_pose`", "`poses`", "body.params", "X-Humans", "AMASS", "GRAB", "body parameters by name", "BVH"]
     {
         assert!(message.contains(word), "{message}");
     }

@@ -1,7 +1,9 @@
 //! Whole verbs, run as a user runs them.
 
+mod check;
 mod cli;
 mod render;
 mod rgbd;
 mod runs;
+mod tool;
 mod view;

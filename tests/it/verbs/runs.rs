@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use super::cli::{assert_outcome, borrowed, interrupt, text, training, xavatar};
+use super::cli::interrupt;
+use super::tool::{assert_outcome, borrowed, data, text, training, xavatar};
 
 fn avatar(run: &Path) -> Vec<u8> {
     std::fs::read(run.join("avatar.safetensors")).unwrap()

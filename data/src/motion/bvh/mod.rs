@@ -1,63 +1,112 @@
 //! BVH motions: another skeleton's movement, turned onto SMPL-X's (docs/motion.md).
 //!
-//! file -> joints and rows ([`parse`]) -> which bone is which joint ([`names`]) -> SMPL-X rotations ([`retarget`]).
+//! file -> joints and rows ([`parse`]) -> which bone is which joint ([`bones`]) -> how SMPL-X's joints lie in the bones
+//! ([`rest_pose`], [`alignment`]) -> SMPL-X rotations ([`retarget`]).
 
-mod names;
+mod alignment;
+mod bones;
+mod handedness;
+mod hinges;
 mod parse;
+mod rest_pose;
 mod retarget;
+mod rows;
+mod skeleton;
+mod stance;
+mod text;
+mod upright;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{Motion, RestPose};
-use xavatar_body::smplx;
-use xavatar_formats::{Error, Result, read_bytes};
+use super::{Motion, RestPose, Warning};
+use retarget::{Retargeting, Unusable};
+use skeleton::Bvh;
+use xavatar_formats::{Choice, Error, Remedy, Result, read_bytes};
 
 const FORMAT: &str = "BVH motion";
+const PERSON: &str = "the bones of a person, by names of a common skeleton";
 
 /// Whether a file that starts like this is a BVH file.
 pub(super) fn is_bvh(start: &[u8]) -> bool {
-    let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
-    start.get(..9).is_some_and(|word| word.eq_ignore_ascii_case(b"HIERARCHY"))
+    let start = String::from_utf8_lossy(start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start));
+    let first = start.lines().map(str::trim).find(|line| !line.is_empty() && !text::is_comment(line));
+    first.and_then(|line| line.get(..9)).is_some_and(|word| word.eq_ignore_ascii_case("HIERARCHY"))
 }
 
 /// Reads a motion onto the skeleton `rest`; `map`, where there is one, says which bone is which joint.
 pub(super) fn read(path: &Path, rest: &RestPose, map: Option<&BTreeMap<String, String>>) -> Result<Motion> {
     let bytes = read_bytes(path)?;
     // Only names can be in another encoding, and they only have to stay apart.
-    let bvh = parse::parse(&String::from_utf8_lossy(&bytes)).map_err(|fault| fault.in_file(path, FORMAT))?;
+    let mut bvh = parse::parse(&String::from_utf8_lossy(&bytes)).map_err(|fault| fault.in_file(path, FORMAT))?;
+    let mut warnings: Vec<Warning> = bvh.oddities.iter().map(Warning::plain).collect();
+    if bvh.frame_time.is_none() {
+        warnings.push(Warning::choosing(Choice::FrameRate, "the file says that no time passes between frames"));
+    }
+    warnings.extend(keep_person(&mut bvh, map).map(Warning::plain));
     let bones = match map {
-        Some(map) => names::declared(&bvh.joints, map)?,
-        None => names::recognised(&bvh.joints),
+        Some(map) => bones::declared(&bvh.joints, map)?,
+        None => bones::recognised(&bvh.joints),
     };
-    let retargeting = retarget::Retargeting::new(&bvh, bones, rest).map_err(|missing| Error::Mismatch {
-        path: path.into(),
-        found: format!("a skeleton in which no bone is known as {}", missing.join(", ")),
-        expected: "the bones of a person, by names of a common skeleton".into(),
-        remedy: format!("say which bone is which joint (--bone-map); the bones are {}", bone_names(&bvh.joints)).into(),
+    let frames_per_second = bvh.frame_time.map(rate);
+    let draft = bones::draft(&bvh.joints, &bones);
+    let retargeting = Retargeting::new(bvh, bones, rest).map_err(|unusable| match unusable {
+        Unusable::Missing(joints) => Error::UnknownBones {
+            path: path.into(),
+            missing: joints.join(", "),
+            map: draft,
+            remedy: Remedy::choosing(Choice::BoneMap, "complete this map, save it as map.toml and give it"),
+        },
+        Unusable::NoBody(without) => Error::Mismatch {
+            path: path.into(),
+            found: format!("a skeleton without {without}"),
+            expected: PERSON.into(),
+            remedy: Remedy::choosing(
+                Choice::BoneMap,
+                "if bones were taken for others, say which is which joint (docs/motion.md)",
+            ),
+        },
     })?;
+    warnings.extend_from_slice(retargeting.doubts());
+    let (up, up_reason) = retargeting.up();
     Ok(Motion {
         frames: retargeting.frames(),
-        frames_per_second: Some(rate(bvh.frame_time)),
-        up: retargeting.up(),
+        frames_per_second,
+        up,
+        up_reason: up_reason.into(),
+        up_is_certain: true,
         source: format!("{} ({FORMAT})", path.display()),
         zeroed: ["betas", "expression"].map(str::to_owned).to_vec(),
-        notes: retargeting.report(),
+        notes: retargeting.report().to_vec(),
+        warnings,
         ..Motion::default()
     })
+}
+
+/// Of several trees of joints, keeps the one with most bones of a person; says what was left out.
+fn keep_person(bvh: &mut Bvh, map: Option<&BTreeMap<String, String>>) -> Option<String> {
+    let trees = bvh.trees();
+    if trees.len() < 2 {
+        return None;
+    }
+    let known = |tree: &std::ops::Range<usize>| match map {
+        Some(map) => bvh.joints[tree.clone()].iter().filter(|joint| map.contains_key(&joint.name)).count(),
+        None => {
+            let mut alone = Bvh { values: Vec::new(), ..bvh.clone() };
+            alone.keep(tree.clone());
+            bones::recognised(&alone.joints).iter().flatten().count()
+        }
+    };
+    // The first of those with the most.
+    let person = trees.iter().rev().max_by_key(|tree| known(tree))?.clone();
+    let others: Vec<String> =
+        trees.iter().filter(|tree| **tree != person).map(|tree| bvh.joints[tree.start].name.clone()).collect();
+    bvh.keep(person);
+    Some(format!("the file has {} skeletons: left out are {}", others.len() + 1, others.join(", ")))
 }
 
 /// Frames a second from the time between them, of which files have few digits: 0.0083333 s are meant to be 120.
 fn rate(frame_time: f64) -> f32 {
     let rate = 1.0 / frame_time;
     (if (rate - rate.round()).abs() < 2e-5 * rate { rate.round() } else { rate }) as f32
-}
-
-fn bone_names(joints: &[parse::Joint]) -> String {
-    joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", ")
-}
-
-/// The joints' names, joined, of some of SMPL-X's.
-fn joint_names(joints: impl Iterator<Item = usize>) -> Vec<&'static str> {
-    joints.map(|joint| smplx::skeleton().joints[joint].as_str()).collect()
 }

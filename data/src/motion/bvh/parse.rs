@@ -1,118 +1,40 @@
 //! The BVH format: a tree of joints with offsets and channels, then a row of channel values a frame.
 //!
-//! Read token by token, so that memory grows only with what the file really holds, whatever counts it claims; nesting is a
-//! loop, bounded by [`MAX_DEPTH`]. Offsets and positions are in the file's unit, rotations in degrees.
+//! Read token by token; nesting is a loop, bounded by [`MAX_DEPTH`]. A file may have several roots, such as a prop beside a person,
+//! and names on its end sites.
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
+use xavatar_formats::excerpt;
 
-use xavatar_formats::{Fault, excerpt};
-
-type Parsed<T> = std::result::Result<T, Fault>;
+use super::rows;
+use super::skeleton::{Bvh, Channel, Joint};
+use super::text::{Parsed, Words};
 
 /// Joints inside joints; people have about 10.
 const MAX_DEPTH: usize = 200;
-/// Joints of one skeleton.
+/// Joints of one file.
 const MAX_JOINTS: usize = 2000;
-
-/// One degree of freedom of a joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Channel {
-    /// Along x, y or z.
-    Position(usize),
-    /// About x, y or z.
-    Rotation(usize),
-}
-
-/// A joint of the skeleton.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Joint {
-    pub(super) name: String,
-    /// The joint that it hangs on, which comes before it; `None` for the root.
-    pub(super) parent: Option<usize>,
-    /// From the parent, at rest.
-    pub(super) offset: DVec3,
-    pub(super) channels: Vec<Channel>,
-    /// Where its channels are in a frame's row.
-    pub(super) first_channel: usize,
-}
-
-/// A whole file.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Bvh {
-    pub(super) joints: Vec<Joint>,
-    /// Between frames, seconds.
-    pub(super) frame_time: f64,
-    /// Values of all channels, a row a frame.
-    values: Vec<f64>,
-    /// Values of a row.
-    width: usize,
-}
-
-impl Bvh {
-    /// The rows of channel values, one a frame; at least one.
-    pub(super) fn frames(&self) -> impl Iterator<Item = &[f64]> {
-        self.values.chunks_exact(self.width)
-    }
-
-    /// The rotation of a joint relative to its parent in a frame's row: its channels' turns, in their order.
-    pub(super) fn rotation(&self, joint: usize, row: &[f64]) -> DQuat {
-        let mut rotation = DQuat::IDENTITY;
-        for (channel, value) in self.channels(joint, row) {
-            if let Channel::Rotation(axis) = channel {
-                rotation *= DQuat::from_axis_angle(DVec3::AXES[axis], value.to_radians());
-            }
-        }
-        rotation
-    }
-
-    /// Where a joint is in its parent's frame: its position channels, or its offset where it has none.
-    pub(super) fn place(&self, joint: usize, row: &[f64]) -> DVec3 {
-        let mut place = self.joints[joint].offset;
-        for (channel, value) in self.channels(joint, row) {
-            if let Channel::Position(axis) = channel {
-                place[axis] = value;
-            }
-        }
-        place
-    }
-
-    fn channels<'a>(&'a self, joint: usize, row: &'a [f64]) -> impl Iterator<Item = (Channel, f64)> {
-        let joint = &self.joints[joint];
-        joint.channels.iter().copied().zip(row[joint.first_channel..].iter().copied())
-    }
-}
 
 /// Parses the text of a file.
 pub(super) fn parse(text: &str) -> Parsed<Bvh> {
     let mut words = Words::new(text);
     words.keyword("HIERARCHY")?;
     let (joints, width) = hierarchy(&mut words)?;
-    words.keyword("Frames:")?;
+    words.label("Frames")?;
     let frames: usize = words.number("a count of frames")?;
-    words.keyword("Frame")?;
-    words.keyword("Time:")?;
+    words.label("Frame")?;
+    words.label("Time")?;
     let frame_time: f64 = words.number("seconds")?;
-    if !(frame_time.is_finite() && frame_time > 0.0) {
+    if !(frame_time.is_finite() && frame_time >= 0.0) {
         return Err(words.fault(frame_time, "a positive time between frames"));
     }
     if frames == 0 || width == 0 {
         return Err(words.fault(format_args!("{frames} frames of {width} channels"), "at least one of each"));
     }
-    // Saturated, it is still more than any file has.
-    let expected = frames.saturating_mul(width);
-    let mut values = Vec::new();
-    while let Some(word) = words.next() {
-        let value = word.parse().ok().filter(|value: &f64| value.is_finite());
-        values.push(value.ok_or_else(|| words.fault(excerpt(word), "a finite number"))?);
-        if values.len() > expected {
-            return Err(words.fault("more numbers", format_args!("{frames} frames of {width} channels")));
-        }
-    }
-    if values.len() != expected {
-        let found = format!("{} numbers", values.len());
-        return Err(Fault::malformed("the end", found, format_args!("{frames} frames of {width} channels")));
-    }
-    Ok(Bvh { joints, frame_time, values, width })
+    let (rest, line) = words.rest();
+    let (values, miscounted) = rows::read(rest, line, frames, width)?;
+    let frame_time = (frame_time > 0.0).then_some(frame_time);
+    Ok(Bvh { joints, frame_time, values, width, oddities: miscounted.into_iter().collect() })
 }
 
 /// The joints, parents before children, and how many channels they have together; up to and with the word `MOTION`.
@@ -124,13 +46,14 @@ fn hierarchy(words: &mut Words) -> Parsed<(Vec<Joint>, usize)> {
     let mut open: Vec<Option<usize>> = Vec::new();
     loop {
         let word = words.expect(EXPECTED)?;
-        match (word, open.last().copied()) {
+        match (word.to_ascii_uppercase().as_str(), open.last().copied()) {
             ("MOTION", None) if !joints.is_empty() => return Ok((joints, width)),
-            ("ROOT", None) if joints.is_empty() => open.push(Some(add_joint(words, &mut joints, None)?)),
-            ("ROOT", None) => return Err(words.fault("a second ROOT", "one skeleton")),
+            ("ROOT", None) => open.push(Some(add_joint(words, &mut joints, None)?)),
             ("JOINT", Some(Some(parent))) => open.push(Some(add_joint(words, &mut joints, Some(parent))?)),
-            ("End", Some(Some(_))) => {
+            ("END", Some(Some(_))) => {
                 words.keyword("Site")?;
+                // Some tools name them.
+                words.rest_of_line();
                 words.keyword("{")?;
                 open.push(None);
             }
@@ -153,7 +76,7 @@ fn hierarchy(words: &mut Words) -> Parsed<(Vec<Joint>, usize)> {
                 width += joints[joint].channels.len();
             }
             ("}", Some(_)) => drop(open.pop()),
-            (word, _) => return Err(words.fault(excerpt(word), EXPECTED)),
+            _ => return Err(words.fault(excerpt(word), EXPECTED)),
         }
         if open.len() > MAX_DEPTH {
             return Err(words.fault(format_args!("more than {MAX_DEPTH} joints inside each other"), "a skeleton"));
@@ -196,67 +119,11 @@ fn channels(words: &mut Words) -> Parsed<Vec<Channel>> {
     Ok(channels)
 }
 
-/// The words of a text, and the line that the last one is on.
-struct Words<'a> {
-    rest: &'a str,
-    line: usize,
-}
-
-impl<'a> Words<'a> {
-    fn new(text: &'a str) -> Self {
-        Self { rest: text.trim_start_matches('\u{feff}'), line: 1 }
-    }
-
-    fn next(&mut self) -> Option<&'a str> {
-        let start = self.rest.find(|c: char| !c.is_whitespace())?;
-        self.line += self.rest[..start].matches('\n').count();
-        let word = &self.rest[start..];
-        let end = word.find(char::is_whitespace).unwrap_or(word.len());
-        // Braces may touch what stands before or after them.
-        let end = match word[..end].find(['{', '}']) {
-            Some(0) => 1,
-            Some(brace) => brace,
-            None => end,
-        };
-        self.rest = &word[end..];
-        Some(&word[..end])
-    }
-
-    /// What is left of the line, up to an opening brace, which is left.
-    fn rest_of_line(&mut self) -> &'a str {
-        let end = self.rest.find(['\n', '{']).unwrap_or(self.rest.len());
-        let (line, rest) = self.rest.split_at(end);
-        self.rest = rest;
-        line
-    }
-
-    fn expect(&mut self, expected: &str) -> Parsed<&'a str> {
-        let end = || Fault::malformed("the end", "nothing", expected);
-        self.next().ok_or_else(end)
-    }
-
-    fn keyword(&mut self, keyword: &str) -> Parsed<()> {
-        let word = self.expect(keyword)?;
-        if word.eq_ignore_ascii_case(keyword) { Ok(()) } else { Err(self.fault(excerpt(word), keyword)) }
-    }
-
-    fn number<T: std::str::FromStr>(&mut self, expected: &str) -> Parsed<T> {
-        let word = self.expect(expected)?;
-        word.parse().map_err(|_| self.fault(excerpt(word), expected))
-    }
-
-    fn finite(&mut self) -> Parsed<f64> {
-        let value: f64 = self.number("a number")?;
-        if value.is_finite() { Ok(value) } else { Err(self.fault(value, "a finite number")) }
-    }
-
-    fn fault(&self, found: impl std::fmt::Display, expected: impl std::fmt::Display) -> Fault {
-        Fault::malformed(format_args!("line {}", self.line), found, expected)
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::DQuat;
+    use xavatar_formats::Fault;
+
     use super::*;
 
     const TEXT: &str = "HIERARCHY\nROOT Hips\n{\n  OFFSET 0 1 0\n  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n  \
@@ -269,14 +136,65 @@ mod tests {
         assert_eq!(bvh.joints.len(), 2);
         assert_eq!((bvh.joints[1].name.as_str(), bvh.joints[1].parent), ("Left Leg", Some(0)));
         assert_eq!((bvh.joints[1].offset, bvh.joints[1].first_channel), (DVec3::new(0.5, -1.0, 0.0), 6));
+        assert_eq!((bvh.frame_time, bvh.oddities.len()), (Some(0.04), 0));
         let rows: Vec<&[f64]> = bvh.frames().collect();
-        assert_eq!(bvh.place(0, rows[1]), DVec3::new(4.0, 5.0, 6.0));
-        assert_eq!(bvh.place(1, rows[1]), DVec3::new(0.5, -1.0, 0.0));
+        assert_eq!(bvh.position(0, rows[1]), DVec3::new(4.0, 5.0, 6.0));
+        assert_eq!(bvh.position(1, rows[1]), DVec3::new(0.5, -1.0, 0.0));
         assert!((bvh.rotation(0, rows[0]) * DVec3::X).distance(DVec3::Y) < 1e-12);
         // Z, then X in the frame that Z turned, then Y.
         let [z, x, y] = [10.0f64, 20.0, 30.0].map(f64::to_radians);
         let expected = DQuat::from_rotation_z(z) * DQuat::from_rotation_x(x) * DQuat::from_rotation_y(y);
         assert!((bvh.rotation(1, rows[1]) - expected).length() < 1e-12);
+    }
+
+    // What tools write beside the letter of the format.
+    #[test]
+    fn other_spellings_are_the_same_file() {
+        let expected = parse(TEXT).unwrap();
+        for (from, to) in [
+            ("HIERARCHY", "# made by a tool\n\n// on Monday\nHierarchy"),
+            ("ROOT", "# the person\nroot"),
+            ("End Site", "End Site Toe_End"),
+            ("Frames: 2", "Frames:2"),
+            ("Frames: 2", "FRAMES : 2"),
+            ("Frame Time: 0.04", "Frame Time:\t0.04"),
+            ("1 2 3 90", "# take 1\n1 2 3 90"),
+            ("4 5 6 0 0 90", "4 5 6\n0 0 90"),
+            ("\n", "\r\n"),
+        ] {
+            assert!(TEXT.contains(from));
+            assert_eq!(parse(&TEXT.replace(from, to)).unwrap(), expected, "{to:?}");
+        }
+    }
+
+    #[test]
+    fn a_second_root_is_a_tree_of_its_own() {
+        let prop = "ROOT Prop\n{\nOFFSET 7 0 0\nCHANNELS 3 Xposition Yposition Zposition\n}\nMOTION";
+        let text = TEXT.replace("MOTION", prop).replace("30 0\n", "30 0 1 1 1\n").replace("20 30\n", "20 30 1 1 1\n");
+        let mut bvh = parse(&text).unwrap();
+        assert_eq!(bvh.trees(), [0..2, 2..3]);
+        bvh.keep(2..3);
+        assert_eq!((bvh.joints.len(), bvh.joints[0].parent), (1, None));
+        assert_eq!(bvh.posed(bvh.frames().next().unwrap())[0].position, DVec3::ONE);
+    }
+
+    // Of a person whose every point x is at M x, the turn R is M R M.
+    #[test]
+    fn a_mirror_image_has_every_joint_at_the_mirrored_place() {
+        let bvh = parse(TEXT).unwrap();
+        for axis in 0..3 {
+            let mut mirrored = bvh.clone();
+            mirrored.mirror(axis);
+            for (row, image) in bvh.frames().zip(mirrored.frames()) {
+                for (place, image) in bvh.posed(row).into_iter().zip(mirrored.posed(image)) {
+                    let mut expected = place.position + place.turn * DVec3::new(1.0, 2.0, 3.0);
+                    expected[axis] = -expected[axis];
+                    let mut point = DVec3::new(1.0, 2.0, 3.0);
+                    point[axis] = -point[axis];
+                    assert!((image.position + image.turn * point).distance(expected) < 1e-12, "axis {axis}");
+                }
+            }
+        }
     }
 
     #[test]
@@ -292,23 +210,50 @@ mod tests {
             ("CHANNELS 6", "CHANNELS 4294967296000000000000", "line 5"),
             ("Yrotation\n  JOINT", "Wrotation\n  JOINT", "\"Wrotation\""),
             ("OFFSET 0 1 0", "OFFSET 0 inf 0", "line 4: inf"),
-            ("Frames: 2", "Frames: 3", "the end: 18 numbers, expected 3 frames of 9 channels"),
-            ("Frames: 2", "Frames: 1", "more numbers"),
             ("Frames: 2", "Frames: 0", "0 frames"),
             ("Frames: 2", "Frames: -2", "\"-2\""),
-            ("Frames: 2", "Frames: 18446744073709551615", "18 numbers"),
-            ("Time: 0.04", "Time: 0", "positive time"),
+            ("Frames: 2", "Rows: 2", "line 15: \"Rows:\", expected Frames"),
+            ("Time: 0.04", "Time: -1", "positive time"),
             ("Time: 0.04", "Time: nan", "positive time"),
             ("4 5 6", "4 NaN 6", "\"NaN\""),
-            ("MOTION", "ROOT Other { }\nMOTION", "second ROOT"),
+            ("4 5 6", "4 5 6 7", "line 18: 10 numbers, expected 9"),
+            ("1 2 3", "1 2", "line 17: 8 numbers, expected 9"),
             ("MOTION", "}\nMOTION", "line 14: \"}\""),
         ] {
             assert!(TEXT.contains(from));
             let found = message(&TEXT.replacen(from, to, 1));
             assert!(found.contains(words), "{to}: {found}");
         }
-        for length in 0..TEXT.trim_end().len() - 2 {
-            assert!(parse(&TEXT[..length]).is_err(), "{length}");
+    }
+
+    #[test]
+    fn rows_are_those_that_are_there() {
+        for (from, to, rows, words) in [
+            ("Frames: 2", "Frames: 3", 2, "says 3 frames and has 2"),
+            ("Frames: 2", "Frames: 1", 2, "says 1 frames and has 2"),
+            ("Frames: 2", "Frames: 18446744073709551615", 2, "has 2"),
+            ("20 30\n", "20\n", 1, "cut off after 8 of 9 numbers"),
+            ("20 30\n", "20 -", 1, "cut off after 8 of 9 numbers"),
+        ] {
+            let bvh = parse(&TEXT.replacen(from, to, 1)).unwrap();
+            assert_eq!(bvh.frames().len(), rows, "{to}");
+            assert!(bvh.oddities[0].contains(words), "{:?}", bvh.oddities);
+        }
+        let bvh = parse(&TEXT.replace("0.04", "0")).unwrap();
+        assert_eq!((bvh.frame_time, bvh.oddities.len()), (None, 0));
+    }
+
+    // Cut within the hierarchy or the first row there is nothing to read; later the whole rows are.
+    #[test]
+    fn cut_files_have_their_whole_rows_or_are_refused() {
+        let first_row_ends = TEXT.find("4 5 6").unwrap() - 1;
+        for length in 0..TEXT.len() {
+            let read = parse(&TEXT[..length]).map(|bvh| bvh.frames().len());
+            // The last number may have lost digits, which nothing shows.
+            match length {
+                length if length < first_row_ends => assert!(read.is_err(), "{length}"),
+                _ => assert!(read.is_ok_and(|rows| rows >= 1), "{length}"),
+            }
         }
     }
 

@@ -1,107 +1,100 @@
 //! Another skeleton's rotations, as SMPL-X's.
 //!
-//! A BVH file at rest stands in a pose of its own, with its own axes; SMPL-X rests in a T-pose, Y up, facing +Z. With W_b(t) the
-//! rotation of bone b in the file's world, C the turn from the file's axes to SMPL-X's, both found from the skeleton at rest,
-//! and A_j the turn from SMPL-X's bone at rest to the file's,
+//! With W_b(t) the rotation of bone b in the file's world, all helper bones above it composed, and G_j the axes of joint j in its bone
+//! ([`alignment`](super::alignment)), H_j the same of SMPL-X's own skeleton at rest,
 //!
-//! F_j(t) = W_b(t) C^-1 A_j,    theta_j = F_parent(j)^-1 F_j,
+//! F_j(t) = W_b(t) G_j H_j^-1,    theta_j = F_parent(j)^-1 F_j,
 //!
-//! so that a bone points where the file's does. A_j is the smallest such turn on top of the parent's for upper arms, forearms,
-//! thighs, shins and fingers; hands keep the forearm's; all other joints are assumed to rest as SMPL-X's do: back and head
-//! upright, collar bones sideways, feet flat and pointing forward. Joints without a bone follow their parents. Bone lengths are
-//! the avatar's; the path is scaled by the ratio of the legs, which settles the file's unit too. Double precision.
+//! so that a bone points where the file's does. Joints without a bone follow their parents. Bone lengths are the avatar's; the
+//! path is scaled by the ratio of the legs, which settles the file's unit too. Double precision.
 
-use glam::{DMat3, DQuat, DVec3, Vec3};
-
-use super::names::Bones;
-use super::parse::Bvh;
-use super::{RestPose, joint_names};
-use crate::motion::UpAxis;
+use glam::{DQuat, DVec3, Vec3};
 use xavatar_body::{Pose, PoseAxisAngle, smplx};
+use xavatar_formats::Choice;
+
+use super::alignment::{Axes, Manner, Reference};
+use super::bones::Bones;
+use super::handedness::Handedness;
+use super::hinges::twists;
+use super::rest_pose::{Part, RestPose, degrees};
+use super::skeleton::Bvh;
+use super::stance::Stance;
+use super::upright::WorldUp;
+use crate::motion::{RestPose as AvatarRest, UpAxis, Warning};
 
 /// Without these there is no person: pelvis, hips, knees, ankles, shoulders, elbows.
 const REQUIRED: [usize; 11] = [0, 1, 2, 4, 5, 7, 8, 16, 17, 18, 19];
-/// Joints whose bones are turned to point as the file's, and where each bone ends.
-const ALIGNED: [(usize, usize); 28] = [
-    (1, 4),
-    (2, 5),
-    (4, 7),
-    (5, 8),
-    (16, 18),
-    (17, 19),
-    (18, 20),
-    (19, 21),
-    (25, 26),
-    (26, 27),
-    (28, 29),
-    (29, 30),
-    (31, 32),
-    (32, 33),
-    (34, 35),
-    (35, 36),
-    (37, 38),
-    (38, 39),
-    (40, 41),
-    (41, 42),
-    (43, 44),
-    (44, 45),
-    (46, 47),
-    (47, 48),
-    (49, 50),
-    (50, 51),
-    (52, 53),
-    (53, 54),
-];
 /// Above this, the report says that the rest poses differ, degrees.
 const NOTABLE_TURN: f64 = 20.0;
+/// Frames that are looked at to understand a rest pose.
+const LOOKED_AT: usize = 240;
+
+/// Why a skeleton cannot be turned onto SMPL-X's.
+#[derive(Debug)]
+pub(super) enum Unusable {
+    /// Joints that have no bone.
+    Missing(Vec<&'static str>),
+    /// What is wrong with the body.
+    NoBody(&'static str),
+}
 
 /// A file's skeleton, matched with SMPL-X's.
-pub(super) struct Retargeting<'a> {
-    bvh: &'a Bvh,
+pub(super) struct Retargeting {
+    bvh: Bvh,
     bones: Bones,
-    /// C^-1: its columns are left, up and forward in the file's axes.
-    from_smplx: DQuat,
-    /// A_j.
-    alignment: Vec<DQuat>,
+    axes: Axes,
+    /// H_j.
+    own: Axes,
+    own_rest: Stance,
+    up: WorldUp,
     /// Metres of the avatar per unit of the file.
     scale: f64,
     pelvis: DVec3,
+    report: Vec<String>,
+    doubts: Vec<Warning>,
 }
 
-impl<'a> Retargeting<'a> {
-    /// Matches the skeletons, or says which joints have no bone.
-    pub(super) fn new(bvh: &'a Bvh, bones: Bones, rest: &RestPose) -> Result<Self, Vec<&'static str>> {
-        let missing = joint_names(REQUIRED.into_iter().filter(|joint| bones[*joint].is_none()));
+impl Retargeting {
+    /// Matches the skeletons.
+    pub(super) fn new(bvh: Bvh, bones: Bones, rest: &AvatarRest) -> Result<Self, Unusable> {
+        let missing: Vec<&str> = REQUIRED.into_iter().filter(|joint| bones[*joint].is_none()).map(name).collect();
         if !missing.is_empty() {
-            return Err(missing);
+            return Err(Unusable::Missing(missing));
         }
-        let places = rest_places(bvh);
-        let place = |joint: usize| bones[joint].map(|bone| places[bone]);
-        let bone = |places: &dyn Fn(usize) -> Option<DVec3>, from, to| Some(places(to)? - places(from)?);
-        let own = |joint: usize| Some(rest.joints()[joint].as_dvec3());
+        let (bvh, mirrored) = unmirrored(bvh, &bones)?;
+        let (stance, frames) = stances(&bvh, &bones);
+        let own_rest = Stance::at_rest(rest.joints().iter().map(|place| place.as_dvec3()));
+        let at_own_rest = vec![Reference { stance: &own_rest, up: Some(DVec3::Y), is_rest: true }; bones.len()];
+        let own = Axes::new(&at_own_rest, DQuat::IDENTITY, &vec![0.0; bones.len()], &own_rest);
 
-        let axes = axes(&place).ok_or_else(|| vec!["a body that stands on two legs apart from each other"])?;
-        let from_smplx = DQuat::from_mat3(&axes);
-        let parents = &smplx::skeleton().parents;
-        let mut alignment = vec![DQuat::IDENTITY; parents.len()];
-        for (joint, parent) in parents.iter().enumerate().filter_map(|(joint, parent)| Some((joint, (*parent)?))) {
-            // Hands and fingers go with the arm; what else is not aligned rests upright.
-            let inherited = if is_of_limb(joint) { alignment[parent] } else { DQuat::IDENTITY };
-            let end = ALIGNED.iter().find(|(aligned, _)| *aligned == joint).map(|(_, end)| *end);
-            let turn = end.and_then(|end| {
-                let wanted = axes.transpose() * bone(&place, joint, end)?;
-                let (from, to) = (inherited * bone(&own, joint, end)?.try_normalize()?, wanted.try_normalize()?);
-                Some(DQuat::from_rotation_arc(from, to))
-            });
-            alignment[joint] = turn.unwrap_or(DQuat::IDENTITY) * inherited;
+        let without = "hips and shoulders apart from each other, as a body has";
+        let mut at_rest = RestPose::new(&stance).ok_or(Unusable::NoBody(without))?;
+        let up = WorldUp::of(&at_rest, &frames);
+        let (mut axes, mut served) = at_rest.aligned(&frames, &own_rest, &up).ok_or(Unusable::NoBody(without))?;
+        let twisted = twists(&axes, &frames);
+        if !twisted.is_empty() {
+            at_rest.disbelieve(twisted);
+            (axes, served) = at_rest.aligned(&frames, &own_rest, &up).ok_or(Unusable::NoBody(without))?;
         }
-        let legs = |places: &dyn Fn(usize) -> Option<DVec3>| -> f64 {
-            let bones = [(1, 4), (4, 7), (2, 5), (5, 8)].map(|(from, to)| bone(places, from, to));
-            bones.into_iter().flatten().map(DVec3::length).sum()
-        };
-        let (file, avatar) = (legs(&place), legs(&own));
+        let mut doubts: Vec<Warning> = at_rest
+            .faults()
+            .map(|faults| {
+                let parts = served.iter().map(|(part, frame)| format!("{part} in frame {}", 1 + frame * step(&bvh)));
+                let parts: Vec<String> = parts.collect();
+                let aligned = parts.join(", ");
+                let words = "aligned where they are most as in a T-pose";
+                Warning::plain(format!("the rest pose is not to be believed: {faults}; {words}: {aligned}"))
+            })
+            .into_iter()
+            .collect();
+        doubts.extend(mirrored.then(|| Warning::choosing(Choice::BoneMap, MIRRORED)));
+        doubts.extend(up.doubt.map(|doubt| Warning::choosing(Choice::UpAxis, doubt)));
+        let (file, avatar) = (stance.leg_lengths(), own_rest.leg_lengths());
         let scale = if file > 0.0 && avatar > 0.0 { avatar / file } else { 1.0 };
-        Ok(Self { bvh, bones, from_smplx, alignment, scale, pelvis: rest.pelvis().as_dvec3() })
+        let pelvis = rest.pelvis().as_dvec3();
+        let mut retargeting = Self { bvh, bones, axes, own, own_rest, up, scale, pelvis, report: Vec::new(), doubts };
+        retargeting.report = retargeting.describe(&at_rest, &stance);
+        Ok(retargeting)
     }
 
     /// SMPL-X parameters of each frame, in the file's axes; at least one.
@@ -109,28 +102,61 @@ impl<'a> Retargeting<'a> {
         self.bvh.frames().map(|row| self.frame(row)).collect()
     }
 
-    /// The file's axis that its skeleton at rest stands along.
-    pub(super) fn up(&self) -> UpAxis {
-        let up = self.from_smplx * DVec3::Y;
-        let axes = [UpAxis::Y, UpAxis::Z, UpAxis::MinusY];
-        axes.into_iter().find(|axis| up.dot(axis.direction().as_dvec3()) > 0.5).unwrap_or_default()
+    /// The axis of the file's world that is up, and how that is known.
+    pub(super) fn up(&self) -> (UpAxis, &'static str) {
+        (self.up.axis, self.up.reason)
     }
 
     /// What became of the bones, a line each.
-    pub(super) fn report(&self) -> Vec<String> {
+    pub(super) fn report(&self) -> &[String] {
+        &self.report
+    }
+
+    /// What the user should look at, a line each.
+    pub(super) fn doubts(&self) -> &[Warning] {
+        &self.doubts
+    }
+
+    fn frame(&self, row: &[f64]) -> smplx::Parameters {
+        let world = self.bvh.posed(row);
+        let parents = &smplx::skeleton().parents;
+        let above = |facing: &[DQuat], joint: usize| parents[joint].map_or(DQuat::IDENTITY, |parent| facing[parent]);
+        let mut facing = Vec::with_capacity(parents.len());
+        for (joint, bone) in self.bones.iter().enumerate() {
+            facing.push(match (bone, self.axes.in_bone(joint)) {
+                (Some(bone), Some(axes)) => world[*bone].turn * axes * self.own.of(joint, &self.own_rest).inverse(),
+                _ => above(&facing, joint),
+            });
+        }
+        let turn = |joint: usize| {
+            let turn = above(&facing, joint).inverse() * facing[joint];
+            let turn = if turn.w < 0.0 { -turn } else { turn };
+            PoseAxisAngle(turn.to_scaled_axis().as_vec3())
+        };
+        let translation =
+            self.bones[0].map_or(Vec3::ZERO, |bone| (world[bone].position * self.scale - self.pelvis).as_vec3());
+        let rotations = (0..parents.len()).map(turn).collect();
+        smplx::Parameters::from(&Pose { rotations, translation, ..Pose::default() })
+    }
+
+    fn describe(&self, rest: &RestPose, stance: &Stance) -> Vec<String> {
         let joints = &self.bvh.joints;
         let mapped = self.bones.iter().enumerate().filter_map(|(joint, bone)| Some((joint, (*bone)?)));
-        let pairs =
-            |(joint, bone): (usize, usize)| format!("{} -> {}", joints[bone].name, joint_names([joint].into_iter())[0]);
-        let pairs: Vec<String> = mapped.map(pairs).collect();
+        let pairs: Vec<String> =
+            mapped.map(|(joint, bone)| format!("{} -> {}", joints[bone].name, name(joint))).collect();
         let ignored = (0..joints.len()).filter(|bone| !self.bones.contains(&Some(*bone)));
         let ignored: Vec<&str> = ignored.map(|bone| joints[bone].name.as_str()).collect();
-        let unmapped = joint_names((0..self.bones.len()).filter(|joint| self.bones[*joint].is_none()));
-        let turn = |joint: &usize| self.alignment[*joint].angle_between(DQuat::IDENTITY).to_degrees();
+        let unmapped: Vec<&str> =
+            (0..self.bones.len()).filter(|joint| self.bones[*joint].is_none()).map(name).collect();
+        let turn = |joint: &usize| {
+            let Manner::Limb(t_pose) = Manner::of(*joint, &self.own_rest) else { return 0.0 };
+            let body = self.axes.of(0, stance).inverse();
+            stance.direction(*joint).map_or(0.0, |direction| degrees(body * direction, t_pose))
+        };
         let turned: Vec<String> = [16, 17, 1, 2]
             .iter()
-            .filter(|joint| turn(joint) > NOTABLE_TURN)
-            .map(|joint| format!("{} {:.0} degrees", joint_names([*joint].into_iter())[0], turn(joint)))
+            .filter(|joint| rest.believes(Part::of(**joint)) && turn(joint) > NOTABLE_TURN)
+            .map(|joint| format!("{} {:.0} degrees", name(*joint), turn(joint)))
             .collect();
         let mut report = vec![format!("bones: {} of {} used: {}", pairs.len(), joints.len(), pairs.join(", "))];
         if !ignored.is_empty() {
@@ -145,70 +171,46 @@ impl<'a> Retargeting<'a> {
         report.push(format!("scale: 1 unit is {:.4} m, by the length of the legs", self.scale));
         report
     }
+}
 
-    fn frame(&self, row: &[f64]) -> smplx::Parameters {
-        let bvh = self.bvh;
-        let mut world: Vec<(DQuat, DVec3)> = Vec::with_capacity(bvh.joints.len());
-        for (bone, joint) in bvh.joints.iter().enumerate() {
-            let (turn, place) = joint.parent.map_or((DQuat::IDENTITY, DVec3::ZERO), |parent| world[parent]);
-            let rotation = (turn * bvh.rotation(bone, row)).normalize();
-            world.push((rotation, place + turn * bvh.place(bone, row)));
-        }
-        let parents = &smplx::skeleton().parents;
-        let above = |facing: &[DQuat], joint: usize| parents[joint].map_or(DQuat::IDENTITY, |parent| facing[parent]);
-        let mut facing = Vec::with_capacity(parents.len());
-        for (joint, bone) in self.bones.iter().enumerate() {
-            facing.push(match bone {
-                Some(bone) => world[*bone].0 * self.from_smplx * self.alignment[joint],
-                None => above(&facing, joint),
+const MIRRORED: &str = "the skeleton is a mirror image: where its left and right bones are, its toes and knees point backward; \
+     it is read as of a left-handed world, so that what is called left stays left";
+
+/// A joint's name.
+fn name(joint: usize) -> &'static str {
+    &smplx::skeleton().joints[joint]
+}
+
+/// The skeleton with its world right-handed, and whether it was not.
+fn unmirrored(mut bvh: Bvh, bones: &Bones) -> Result<(Bvh, bool), Unusable> {
+    let (_, frames) = stances(&bvh, bones);
+    match Handedness::of(&frames) {
+        Handedness::Own => Ok((bvh, false)),
+        Handedness::Contradictory => Err(Unusable::NoBody(
+            "toes and knees that point the same way: from where its left and right bones are, the toes point backward, the knees forward",
+        )),
+        Handedness::Mirrored => {
+            // Along any axis it is the same but for a turn of the world: the one along which the person stands first keeps it small.
+            let across = frames.first().and_then(|stance| stance.between(2, 1)).unwrap_or(DVec3::X).abs();
+            bvh.mirror(if across.x >= across.max_element() {
+                0
+            } else if across.y >= across.z {
+                1
+            } else {
+                2
             });
+            Ok((bvh, true))
         }
-        let turn = |joint: usize| {
-            let parent = above(&facing, joint);
-            let turn = parent.inverse() * facing[joint];
-            let turn = if turn.w < 0.0 { -turn } else { turn };
-            PoseAxisAngle(turn.to_scaled_axis().as_vec3())
-        };
-        let transl = self.bones[0].map_or(Vec3::ZERO, |bone| (world[bone].1 * self.scale - self.pelvis).as_vec3());
-        let rotations = (0..parents.len()).map(turn).collect();
-        smplx::Parameters::from(&Pose { rotations, translation: transl, ..Pose::default() })
     }
 }
 
-/// Where the file's joints are when nothing is turned.
-fn rest_places(bvh: &Bvh) -> Vec<DVec3> {
-    let mut places: Vec<DVec3> = Vec::with_capacity(bvh.joints.len());
-    for joint in &bvh.joints {
-        let parent = joint.parent.map_or(DVec3::ZERO, |parent| places[parent]);
-        places.push(parent + joint.offset);
-    }
-    places
+/// Of how many frames one is looked at.
+fn step(bvh: &Bvh) -> usize {
+    bvh.frames().len().div_ceil(LOOKED_AT).max(1)
 }
 
-/// Left, up and forward of the skeleton at rest, as the nearest axes of its world.
-fn axes(place: &dyn Fn(usize) -> Option<DVec3>) -> Option<DMat3> {
-    let middle = |left: usize, right: usize| Some((place(left)? + place(right)?) * 0.5);
-    let up = nearest_axis(middle(16, 17)? - middle(7, 8)?)?;
-    let left = place(1)? - place(2)?;
-    let left = nearest_axis(left - up * left.dot(up))?;
-    Some(DMat3::from_cols(left, up, left.cross(up)))
-}
-
-/// The axis, with its sign, that is closest to a direction.
-fn nearest_axis(direction: DVec3) -> Option<DVec3> {
-    let sizes = direction.abs();
-    let axis = if sizes.x > sizes.y && sizes.x > sizes.z {
-        DVec3::X
-    } else if sizes.y > sizes.z {
-        DVec3::Y
-    } else {
-        DVec3::Z
-    };
-    let along = direction.dot(axis);
-    (along.abs() > 1e-9).then(|| axis * along.signum())
-}
-
-/// Below a shoulder or a hip, but for feet.
-fn is_of_limb(joint: usize) -> bool {
-    matches!(joint, 4 | 5 | 18..=21 | 25..)
+/// The joints at rest, and in frames evenly chosen.
+fn stances(bvh: &Bvh, bones: &Bones) -> (Stance, Vec<Stance>) {
+    let frames = bvh.frames().step_by(step(bvh)).map(|row| Stance::of(&bvh.posed(row), bones)).collect();
+    (Stance::of(&bvh.at_rest(), bones), frames)
 }
