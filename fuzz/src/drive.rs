@@ -53,7 +53,7 @@ pub fn drive(target: &Target, seed: u64, first: u64, inputs: u64) -> Result<Tall
 }
 
 fn try_one(target: &Target, bytes: &[u8], tally: &mut Tally) -> Result<(), ()> {
-    let timed = || {
+    let timed = || -> Result<(bool, Duration), ()> {
         let begin = Instant::now();
         let accepted = catch_unwind(AssertUnwindSafe(|| (target.read)(bytes))).map_err(drop)?;
         Ok((accepted, begin.elapsed()))

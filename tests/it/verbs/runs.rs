@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+#[cfg(unix)]
 use super::cli::interrupt;
 use super::tool::{assert_outcome, borrowed, data, text, training, xavatar};
 
@@ -41,13 +42,14 @@ fn what_killed_calls_left_holds_no_run_up_and_is_removed() {
     std::fs::write(run.join(".lock"), "process 1 on elsewhere\n").unwrap();
     let arguments = training(&run, 8);
     let start = borrowed(&arguments);
-    assert_outcome(&[&start[..], &["--resume"]].concat(), 1, &["a run to resume"]);
+    assert_outcome(&[&start[..], &["--resume"]].concat(), 1, &["a run (config.toml)"]);
     assert_outcome(&start, 0, &[]);
     assert!(files(&run, ".partial-").is_empty());
     let whole = avatar(&run);
     for part in [run.clone(), run.join("checkpoints"), run.join("cache")] {
         std::fs::write(part.join(".partial-def"), "half").unwrap();
     }
+    std::fs::remove_file(run.join("avatar.safetensors")).unwrap();
     assert_outcome(&[&start[..], &["--resume"]].concat(), 0, &[]);
     for part in [run.clone(), run.join("checkpoints"), run.join("cache")] {
         assert!(files(&part, ".partial-").is_empty(), "{}", part.display());
@@ -125,16 +127,16 @@ fn a_folder_is_one_runs_at_a_time_until_that_is_killed() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     let arguments = training(&run, 100_000);
-    let child = xavatar(&borrowed(&arguments)).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let mut child = xavatar(&borrowed(&arguments)).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let has_begun = || run.join("metrics.jsonl").is_file();
     while !has_begun() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
         std::thread::sleep(Duration::from_millis(5));
     }
     let resume = [&borrowed(&arguments)[..], &["--resume"]].concat();
     let holder = format!("in use by process {} on ", child.id());
     assert_outcome(&resume, 1, &[&holder]);
     assert!(Command::new("kill").args(["-KILL", &child.id().to_string()]).status().unwrap().success());
-    let mut child = child;
     child.wait().unwrap();
     let noted = std::fs::read_to_string(run.join("metrics.jsonl")).unwrap().lines().count();
     let (code, printed) = interrupt(&resume, &run, noted + 5, "-INT");
@@ -175,9 +177,10 @@ fn a_polite_kill_ends_the_preparation_of_frames() {
     let many = many_frames(folder.path(), frames);
     let mut arguments = training(&run, 5);
     arguments[1] = text(&many).to_owned();
-    let child = xavatar(&borrowed(&arguments)).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = xavatar(&borrowed(&arguments)).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let prepared = || std::fs::read_dir(run.join("cache")).map_or(0, Iterator::count);
     while prepared() < 3 {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it was asked to");
         std::thread::sleep(Duration::from_millis(5));
     }
     assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
