@@ -14,7 +14,7 @@
 //! # The fields: f, c, w
 //!
 //! [`fields::Fields`] holds them: softplus networks over encoded points, conditioned on [theta_b / pi, psi]
-//! ([`fields::condition`]), or hash grids with small networks. They are made of [`xavatar_network`], which has every derivative by hand:
+//! ([`fields::Condition`]), or hash grids with small networks. They are made of [`xavatar_network`], which has every derivative by hand:
 //! df/dx_c for normals, and the parameters' gradient of losses on values, normals and weights.
 //!
 //! # Correspondence: x_d = sum_i w_i(x_c) B_i x_c
@@ -43,13 +43,12 @@
 //!
 //! ```no_run
 //! use xavatar::avatar::{Animator, Avatar};
-//! use xavatar::body::BodyParameters;
 //! use xavatar::synthetic::BuiltInSubject;
 //!
 //! let avatar = Avatar::load("runs/demo".as_ref())?;
 //! let subject = BuiltInSubject::new()?;
 //! let animator = Animator::new(&avatar, subject.model(), subject.part_labels())?;
-//! let mesh = animator.extract(&BodyParameters::default(), 128)?.mesh;
+//! let mesh = animator.extract(&subject.model().skeleton().rest_pose(), 128)?.mesh;
 //! xavatar::mesh::write_ply("t-pose.ply", &mesh)?;
 //! # Ok::<(), xavatar::Error>(())
 //! ```

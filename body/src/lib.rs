@@ -1,7 +1,7 @@
 //! Explicit body models: a pose of a skeleton to joints, bone transforms and vertices (thesis ch. 4.1).
 //!
 //! A [`Skeleton`] is data: joints, tree, parts, canonical pose. A [`BodyModel`] has one, with the template, weights and blend shapes
-//! of its file, and takes a [`Pose`]. Each family of models is a file in [`families`]; what it alone knows, the layout of its
+//! of its file, and takes a [`Pose`]. Each family of models is a file in `families`; what it alone knows, the layout of its
 //! files, its joints' numbers, its hand conventions ([`smplx::Parameters`]), stays there.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]

@@ -27,7 +27,7 @@ impl BodyModel {
     /// The body in a pose.
     ///
     /// # Errors
-    /// [`Error::Value`] if the pose is not of this model's skeleton, has more coefficients than the model, or numbers that are not
+    /// [`Error::Value`](xavatar_formats::Error::Value) if the pose is not of this model's skeleton, has more coefficients than the model, or numbers that are not
     /// finite.
     pub fn pose(&self, pose: &Pose) -> Result<PosedBody> {
         let rotations = self.joint_rotations(pose)?;

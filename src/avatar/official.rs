@@ -44,7 +44,7 @@ impl OfficialMeta {
     /// Reads a `meta_info.npz`.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] names the array that is missing or says something unknown.
+    /// [`InputError::Mismatch`] names the array that is missing or says something unknown.
     pub fn read(path: &Path) -> Result<Self> {
         let arrays = read_npz(path)?;
         let refuse = |found: String, expected: &str| {
@@ -82,7 +82,7 @@ impl Avatar {
     /// The avatar of an official checkpoint, on the skeleton of `body` in the shape that `meta` says.
     ///
     /// # Errors
-    /// Those of [`read_torch`]; [`Error::Mismatch`] names a network or parameter that is not as METHOD section 9 says.
+    /// Those of [`read_torch`]; [`InputError::Mismatch`] names a network or parameter that is not as METHOD section 9 says.
     pub fn from_official(checkpoint: &Path, meta: &OfficialMeta, body: &BodyModel) -> Result<Self> {
         let value = read_torch(checkpoint)?;
         let networks = Networks::of(checkpoint, &value)?;

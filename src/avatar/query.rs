@@ -28,7 +28,7 @@ impl Avatar {
     /// The fields at canonical points (N), under a pose and its expression.
     ///
     /// # Errors
-    /// [`Error::Value`] for a point that is not finite.
+    /// [`InputError::Value`] for a point that is not finite.
     pub fn query(&self, points: &[Vec3], pose: &Pose) -> Result<Vec<Sample>> {
         if let Some(point) = points.iter().find(|point| !point.is_finite()) {
             return Err(Error::from(InputError::Value {

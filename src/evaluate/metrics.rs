@@ -72,7 +72,7 @@ pub struct PartMetrics {
 /// `samples` points are drawn on each surface and in each box.
 ///
 /// # Errors
-/// [`Error::Value`](crate::Error::Value) if a mesh has no area or fails [`TriangleMesh::check`].
+/// [`InputError::Value`](crate::InputError::Value) if a mesh has no area or fails [`TriangleMesh::check`].
 pub fn compare(
     prediction: &TriangleMesh,
     scan: &TriangleMesh,

@@ -41,7 +41,7 @@ impl Evaluation<'_> {
     /// Measures what `predict` makes of each frame and its pose, in world coordinates, and shows every frame's metrics to `progress`.
     ///
     /// # Errors
-    /// The first error of `frames`, of `predict`, or of the comparison, with the frame named; [`Error::Value`] if there is no frame.
+    /// The first error of `frames`, of `predict`, or of the comparison, with the frame named; [`InputError::Value`] if there is no frame.
     pub fn run(
         &self,
         frames: impl IntoIterator<Item = crate::formats::Result<ScanFrame>>,

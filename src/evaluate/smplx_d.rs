@@ -30,7 +30,7 @@ impl<'a> SmplxD<'a> {
     ///
     /// # Errors
     /// The first error of `frames`; those of [`BodyModel::pose`] and [`SurfaceIndex::new`], with the frame named.
-    /// [`Error::Value`] if there is no frame.
+    /// [`InputError::Value`] if there is no frame.
     pub fn fit(
         body: &'a BodyModel,
         frames: impl IntoIterator<Item = crate::formats::Result<ScanFrame>>,

@@ -64,7 +64,7 @@ impl RiggedMesh {
     /// colours. `progress` hears of texels done and their number.
     ///
     /// # Errors
-    /// [`Error::Value`](crate::Error::Value) if the charts do not fit the size; as [`Avatar::colours`].
+    /// [`InputError::Value`](crate::InputError::Value) if the charts do not fit the size; as [`Avatar::colours`].
     pub fn with_texture(
         self,
         avatar: &Avatar,

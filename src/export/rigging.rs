@@ -43,7 +43,7 @@ impl Rigging {
     /// frames done and their number, about three a frame.
     ///
     /// # Errors
-    /// [`Error::Value`] for settings out of range, a motion without frames, or of another skeleton; [`Error::Mismatch`] for a body
+    /// [`InputError::Value`] for settings out of range, a motion without frames, or of another skeleton; [`InputError::Mismatch`] for a body
     /// model that is not the avatar's; as [`Avatar::extract_canonical`].
     pub fn rig(
         &self,

@@ -19,7 +19,7 @@ const SIZE: (u32, u32) = (300, 480);
 /// Four pictures side by side: the scan, the avatar, and its distances from the scan seen from both sides.
 ///
 /// # Errors
-/// [`Error::Value`](crate::Error::Value) if a mesh is empty or has impossible coordinates.
+/// [`InputError::Value`](crate::InputError::Value) if a mesh is empty or has impossible coordinates.
 pub fn closeup(scan: &TriangleMesh, avatar: &TriangleMesh) -> Result<RgbImage> {
     let corner = |fold: fn(Vec3, Vec3) -> Vec3| scan.vertices.iter().copied().reduce(fold).unwrap_or_default();
     let (low, high) = (corner(Vec3::min), corner(Vec3::max));

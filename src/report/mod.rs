@@ -82,8 +82,8 @@ impl Report<'_> {
     /// Writes the page, in the place of an earlier one.
     ///
     /// # Errors
-    /// [`Error::Io`](crate::Error::Io) if a preview cannot be read or the page not written;
-    /// [`Error::Value`](crate::Error::Value) for a rig that the viewer cannot draw.
+    /// [`InputError::Io`](crate::InputError::Io) if a preview cannot be read or the page not written;
+    /// [`InputError::Value`](crate::InputError::Value) for a rig that the viewer cannot draw.
     pub fn write(&self, path: &Path) -> Result<()> {
         let html = self.html()?;
         Ok(write_atomically(path, |file| file.write_all(html.as_bytes()))?)

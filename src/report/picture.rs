@@ -10,7 +10,7 @@ use crate::{Error, InputError, Result};
 /// The picture as a data URI, scaled down to at most `width` columns.
 ///
 /// # Errors
-/// [`Error::Value`] if it has no pixels.
+/// [`InputError::Value`] if it has no pixels.
 pub(super) fn data_uri(picture: &RgbImage, width: u32) -> Result<String> {
     let scaled;
     let picture = if picture.width() > width {

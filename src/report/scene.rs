@@ -95,7 +95,7 @@ impl ViewerScene {
     /// The scene of a rig with four influences a vertex.
     ///
     /// # Errors
-    /// [`Error::Value`] for a rig with another number of influences.
+    /// [`InputError::Value`] for a rig with another number of influences.
     pub(super) fn of(rig: &RiggedMesh) -> Result<Self> {
         if rig.influences != INFLUENCES {
             return Err(Error::from(InputError::Value {

@@ -55,7 +55,7 @@ impl<'a> SomeCaptures<'a> {
     /// The frames in which the camera has turned by less than `turn` degrees; of them at most `limit`, evenly spread.
     ///
     /// # Errors
-    /// [`Error::Value`] if there is none.
+    /// [`InputError::Value`] if there is none.
     pub fn within(source: &'a dyn Source, turned: &[f64], turn: f64, limit: Option<usize>) -> Result<Self> {
         let within = |frame: &usize| turned[*frame] < turn - ROUNDING || turned[*frame] < ROUNDING;
         let mut chosen: Vec<usize> = (0..turned.len()).filter(within).collect();

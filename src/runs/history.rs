@@ -60,7 +60,7 @@ pub fn seconds_per_step(run: &Path) -> Result<Option<f64>> {
 /// The previews of a run with the steps after which they were made, in order; none if it made none.
 ///
 /// # Errors
-/// [`Error::Io`] if their folder cannot be read.
+/// [`InputError::Io`] if their folder cannot be read.
 pub fn previews(run: &Path) -> Result<Vec<(u64, PathBuf)>> {
     let folder = run.join(preview::FOLDER);
     if !folder.is_dir() {

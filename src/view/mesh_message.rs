@@ -39,7 +39,7 @@ pub(super) fn encode_mesh(mesh: &TriangleMesh, resolution: usize, seconds: f32) 
 /// Reads a message: the mesh, its resolution, and the seconds that it took.
 ///
 /// # Errors
-/// [`Error::Value`] if it is shorter or longer than it says.
+/// [`InputError::Value`] if it is shorter or longer than it says.
 pub fn decode_mesh(message: &[u8]) -> Result<(TriangleMesh, usize, f32)> {
     let words: Vec<u32> = message.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
     let extent = |index: usize| words.get(index).map_or(0, |word| *word as usize);

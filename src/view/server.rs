@@ -68,7 +68,7 @@ impl Server {
     /// Listens on `host`, a name or an address of this machine; on any free port for port 0.
     ///
     /// # Errors
-    /// [`Error::Value`] naming host and port if nobody can listen there.
+    /// [`InputError::Value`] naming host and port if nobody can listen there.
     pub fn bind(host: &str, port: u16) -> Result<Self> {
         let bound = TcpListener::bind((host, port));
         let (listener, address) =

@@ -29,7 +29,7 @@ impl<'a> Site<'a> {
     /// The site of an avatar: its rig moves in the browser, `animator` makes the field's own meshes, if it is there.
     ///
     /// # Errors
-    /// [`Error::Value`] for a rig that the page cannot draw.
+    /// [`InputError::Value`](crate::InputError::Value) for a rig that the page cannot draw.
     pub fn new(title: String, lead: String, rig: &RiggedMesh, animator: Option<&'a Animator<'a>>) -> Result<Self> {
         let (page, policy) = live_page(title, lead, rig, animator.map(|_| MESH))?;
         Ok(Self { page: page.into_bytes().into(), policy, animator })

@@ -32,8 +32,8 @@ const CLAMP_TO_EDGE: u32 = 33071;
 /// Writes the rig, whole or not at all.
 ///
 /// # Errors
-/// [`Error::Value`] for a mesh that [`TriangleMesh::check`](crate::mesh::TriangleMesh::check) refuses or that makes more than
-/// the 4 GiB of the format; [`Error::Io`].
+/// [`InputError::Value`] for a mesh that [`TriangleMesh::check`](crate::mesh::TriangleMesh::check) refuses or that makes more than
+/// the 4 GiB of the format; [`InputError::Io`].
 pub fn write_glb(path: impl AsRef<Path>, rigged: &RiggedMesh) -> Result<()> {
     let path = path.as_ref();
     rigged.mesh.check()?;

@@ -3,7 +3,7 @@
 //! L = occupancy BCE(P_off), or distance |f - d| (P_off, P_on), and normal ||n_d - n||^2, colour ||c - c_gt||_1 (P_on),
 //! bone BCE(points on bones are inside), joint, surface and volume ||w - w_gt||^2, eikonal (|grad f| - 1)^2; each times its weight.
 //! Means over points, sums over components. Where an off-surface point was found by the search, its cotangent goes on to the
-//! skinning field by the implicit function theorem. [`kernel`] has the table of losses: a new one is a file, a row there and its
+//! skinning field by the implicit function theorem. `kernel` has the table of losses: a new one is a file, a row there and its
 //! weight among the settings.
 //!
 //! Each thread takes every T-th block of rows into gradients of its own, which are summed in thread order: the result
