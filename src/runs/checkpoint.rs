@@ -13,7 +13,7 @@ use crate::train::engine::Learned;
 use crate::train::{Progress, TrainingState};
 use crate::{Error, InputError, Result};
 
-const FOLDER: &str = "checkpoints";
+pub(super) const FOLDER: &str = "checkpoints";
 const BEST: &str = "best.safetensors";
 /// The tensor that holds what [`Learned::sampled_skinning`] does.
 const BAKED: &str = "baked_skinning";
