@@ -11,6 +11,8 @@ use xavatar::data::{Clip, Coordinates, HandConvention, MotionOptions, RestPose, 
 use xavatar::formats::read_text;
 use xavatar::synthetic::load_clip;
 
+use super::option;
+
 /// What the user declares about a motion, and what is to be made of it.
 #[derive(Clone, Debug, PartialEq, clap::Args, Serialize, Deserialize)]
 #[command(next_help_heading = "Motion (docs/motion.md)")]
@@ -152,8 +154,8 @@ pub fn warn(clip: &Clip) {
 
 /// A warning, with the option for it.
 pub fn described(warning: &Warning) -> String {
-    let option = warning.choice.map_or_else(String::new, |choice| format!(" ({})", option(choice)));
-    format!("{warning}{option}")
+    let advice = warning.choice.map_or_else(String::new, |choice| format!(" ({})", option(choice)));
+    format!("{warning}{advice}")
 }
 
 fn read_bone_map(path: &Path) -> anyhow::Result<BTreeMap<String, String>> {

@@ -121,7 +121,7 @@ fn damaged_motions_of_other_tools_are_noticed() {
             Err(error) => assert!(error.to_string().contains("cut-file"), "{error}"),
             Ok(cut) => {
                 assert!(
-                    cut.frames.len() < frames && cut.warnings[0].contains("cut off"),
+                    cut.frames.len() < frames && cut.warnings[0].message.contains("cut off"),
                     "{length}: {:?}",
                     cut.warnings
                 );
