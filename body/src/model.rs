@@ -39,12 +39,19 @@ impl BodyModel {
     /// of no family that is read; those of the readers and of [`from_arrays`](Self::from_arrays).
     pub fn load(path: &Path, gender: Gender) -> Result<Self> {
         let file = if path.is_dir() { model_in_folder(path, gender)? } else { path.to_path_buf() };
+        if !file.exists() {
+            return Err(Error::Missing {
+                path: file,
+                what: format!("a body model (its file, or a folder with {})", file_names(gender).join(" or ")),
+                remedy: REMEDY.into(),
+            });
+        }
         if let Some(named) = Gender::of_file_name(&file).filter(|named| *named != gender) {
             return Err(Error::Mismatch {
                 path: file,
                 found: format!("a {named} model by its name"),
                 expected: format!("the subject's gender, {gender}"),
-                remedy: "give the folder with all models, or correct gender.txt".into(),
+                remedy: "give the folder with all models, or correct the subject's gender".into(),
             });
         }
         let is_pickle = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("pkl"));
@@ -120,16 +127,18 @@ impl BodyModel {
     }
 }
 
-fn model_in_folder(folder: &Path, gender: Gender) -> Result<PathBuf> {
+const REMEDY: &str = "download the SMPL-X models from https://smpl-x.is.tue.mpg.de, or name the model file itself";
+
+/// What a folder's file of a gender may be called.
+fn file_names(gender: Gender) -> Vec<String> {
     let gender = gender.to_string().to_uppercase();
-    let names = stems().flat_map(|stem| ["npz", "pkl"].map(|extension| format!("{stem}_{gender}.{extension}")));
-    let names: Vec<String> = names.collect();
+    stems().flat_map(|stem| ["npz", "pkl"].map(|extension| format!("{stem}_{gender}.{extension}"))).collect()
+}
+
+fn model_in_folder(folder: &Path, gender: Gender) -> Result<PathBuf> {
+    let names = file_names(gender);
     let found = names.iter().map(|name| folder.join(name)).find(|candidate| candidate.is_file());
-    found.ok_or_else(|| Error::Missing {
-        path: folder.to_path_buf(),
-        what: names.join(" or "),
-        remedy: "download the SMPL-X models from https://smpl-x.is.tue.mpg.de, or name the model file itself".into(),
-    })
+    found.ok_or_else(|| Error::Missing { path: folder.to_path_buf(), what: names.join(" or "), remedy: REMEDY.into() })
 }
 
 #[cfg(test)]

@@ -6,7 +6,6 @@
 
 mod check;
 mod fields;
-mod json;
 mod motion;
 mod notes;
 mod placement;

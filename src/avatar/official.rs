@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use xavatar_network::{GeometryShape, KinematicTree, Representation, TextureShape};
 
 use super::{Avatar, Subject};
-use crate::body::{BodyModel, Gender, Skeleton};
+use crate::body::{BodyModel, Gender, Skeleton, smplx};
 use crate::config::{Config, SkinningSettings, SkinningShape};
 use crate::fields::{Condition, Fields, PerField, canonical_box};
 use crate::formats::{Array, ArrayMap, Value, read_npz, read_torch};
@@ -63,8 +63,8 @@ impl OfficialMeta {
         Ok(Self {
             gender: text("gender")?.parse().map_err(|_| refuse(found(&arrays, "gender"), "neutral, female or male"))?,
             betas: betas
-                .filter(|betas| !betas.is_empty() && betas.iter().all(|beta| beta.is_finite()))
-                .ok_or_else(|| refuse(found(&arrays, "betas"), "finite numbers `betas`"))?,
+                .filter(|betas| betas.len() == smplx::SHAPES && betas.iter().all(|beta| beta.is_finite()))
+                .ok_or_else(|| refuse(found(&arrays, "betas"), "10 finite numbers `betas`"))?,
             representation: match text("representation")? {
                 "occ" => Representation::Occupancy,
                 "sdf" => Representation::SignedDistance,

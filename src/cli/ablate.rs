@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use xavatar::config::Config;
+use xavatar::data::CheckedFrames;
 use xavatar::evaluate::{Ablation, AblationRow, AblationTable};
 use xavatar::train::TrainingFrames;
 
-use super::inputs::{Split, SubjectArguments, SubjectFrames};
+use super::inputs::{AcceptArguments, Split, SubjectArguments, SubjectFrames};
 use super::json::JsonArgument;
 use super::measured_run::{MeasuredRun, RunMetrics, Yardstick};
 use super::training::TrainingArguments;
@@ -29,6 +30,8 @@ pub struct Ablate {
     out: PathBuf,
     #[command(flatten)]
     training: TrainingArguments,
+    #[command(flatten)]
+    accepted: AcceptArguments,
     /// Which frames to measure on
     #[arg(long, value_enum, default_value_t = Split::Test)]
     split: Split,
@@ -45,13 +48,14 @@ impl Ablate {
 
     pub fn run(self) -> anyhow::Result<Outcome> {
         let variants = Ablation::ALL.map(|ablation| self.configuration(ablation).map(|config| (ablation, config)));
-        let variants: Vec<_> = variants.into_iter().collect::<Result<_, _>>().map_err(WrongUsage)?;
+        let variants: Vec<_> = variants.into_iter().collect::<Result<_, _>>().map_err(WrongUsage::from)?;
         self.refuse_other_folders(&variants)?;
         self.json.check()?;
         let opened = self.subject.open()?;
         outputs::existing_folder(&self.out)?;
         let stop = stop::on_interrupt()?;
-        let frames = SubjectFrames::new(&opened.subject, &opened.subject.train);
+        let scans = SubjectFrames::new(&opened.subject, &opened.subject.train);
+        let frames = CheckedFrames::new(&scans, &opened.body, self.accepted.defects());
         let yardstick = Yardstick {
             body: &opened.body,
             labels: &opened.labels,

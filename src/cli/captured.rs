@@ -3,10 +3,10 @@
 use clap::ValueEnum;
 use xavatar::body::{BodyModel, PartLabels};
 use xavatar::config::{Config, preset_for_rgbd};
-use xavatar::data::{RgbdFrames, RgbdSubject, Subject};
+use xavatar::data::{CheckedFrames, RgbdFrames, RgbdSubject, Subject};
 use xavatar::train::TrainingFrames;
 
-use super::inputs::{Registered, SubjectArguments, SubjectFrames, load_body};
+use super::inputs::{AcceptArguments, Registered, SubjectArguments, SubjectFrames, load_body};
 
 /// A kind of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -67,6 +67,14 @@ impl Captured {
                 let (body, labels) = load_body(&arguments.body, subject.gender)?;
                 Ok(Self { frames: Frames::Rgbd(subject.training_frames()), body, labels })
             }
+        }
+    }
+
+    /// Scans that are looked at as they are read; none for RGB-D frames.
+    pub fn checked(&self, accepted: &AcceptArguments) -> Option<CheckedFrames<'_>> {
+        match &self.frames {
+            Frames::Scans(frames) => Some(CheckedFrames::new(frames, &self.body, accepted.defects())),
+            Frames::Rgbd(_) => None,
         }
     }
 

@@ -3,7 +3,6 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
 use clap::ValueEnum;
 use serde::Serialize;
 use xavatar::avatar::{Avatar, Extraction};
@@ -15,7 +14,7 @@ use xavatar::synthetic::DANCE;
 use super::json::JsonArgument;
 use super::motion::MotionArguments;
 use super::progress::Progress;
-use super::{Outcome, outputs};
+use super::{Outcome, outputs, wrong_usage};
 
 /// Largest image that every program of today opens.
 const LARGEST_TEXTURE: u32 = 8192;
@@ -78,7 +77,9 @@ impl Export {
             None => Format::of(&self.out)?,
         };
         if format != Format::Glb && (self.motion.is_some() || self.body.is_some()) {
-            bail!("--motion and --body are for GLB; `xavatar animate` writes a motion as one OBJ or PLY a frame");
+            wrong_usage!(
+                "--motion and --body are for GLB; `xavatar animate` writes a motion as one OBJ or PLY a frame"
+            );
         }
         let texture = self.texture.or((format == Format::Obj).then_some(USUAL_TEXTURE));
         for file in format.files(&self.out, texture.is_some()) {
@@ -168,7 +169,7 @@ impl Format {
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
         match Self::from_str(extension, true) {
             Ok(format) => Ok(format),
-            Err(_) => bail!("{}: name it .glb, .obj or .ply, or give --format", path.display()),
+            Err(_) => wrong_usage!("{}: name it .glb, .obj or .ply, or give --format", path.display()),
         }
     }
 

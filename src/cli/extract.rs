@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
 use serde::Serialize;
 use xavatar::avatar::{Avatar, Extraction};
 use xavatar::data::{MotionOptions, RestPose};
@@ -11,7 +10,7 @@ use xavatar::synthetic::load_clip;
 
 use super::inputs::load_body;
 use super::json::JsonArgument;
-use super::{Outcome, outputs};
+use super::{Outcome, outputs, wrong_usage};
 
 /// Write an avatar as a coloured mesh
 #[derive(clap::Args)]
@@ -93,7 +92,7 @@ impl MeshFormat {
         match path.extension().and_then(|extension| extension.to_str()) {
             Some("ply") => Ok(Self::Ply),
             Some("obj") => Ok(Self::Obj),
-            _ => bail!("{}: name it .ply or .obj", path.display()),
+            _ => wrong_usage!("{}: name it .ply or .obj", path.display()),
         }
     }
 

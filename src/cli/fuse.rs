@@ -60,7 +60,7 @@ impl Fuse {
         self.turns.sort_by(f64::total_cmp);
         self.turns.dedup();
         let preset = Kind::Rgbd.preset(self.training.preset());
-        let config = Config::preset_with(preset, &self.training.settings()).map_err(WrongUsage)?;
+        let config = Config::preset_with(preset, &self.training.settings()).map_err(WrongUsage::from)?;
         let runs: Vec<_> = self.turns.iter().map(|turn| (*turn, self.run_of(*turn, &config))).collect();
         self.refuse_other_folders(&runs)?;
         self.json.check()?;

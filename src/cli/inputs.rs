@@ -2,13 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::anyhow;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
 use xavatar::body::{BodyModel, Gender, PartLabels};
-use xavatar::data::{FrameFiles, FrameId, FrameSource, ScanFrame, Subject, read_frame};
+use xavatar::data::{Defect, FrameFiles, FrameId, FrameSource, ScanFrame, Subject, read_frame};
 use xavatar::synthetic::BuiltInSubject;
+
+use super::WrongUsage;
 
 /// A subject's folder and its body model.
 #[derive(clap::Args)]
@@ -19,6 +21,21 @@ pub struct SubjectArguments {
     /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl (the subject's gender chooses)
     #[arg(long, value_name = "BODY")]
     pub body: PathBuf,
+}
+
+/// Faults of scans that are trained on all the same.
+#[derive(clap::Args)]
+pub struct AcceptArguments {
+    /// Train in spite of what `xavatar check` finds under this name, such as slipped; may be given again
+    #[arg(long = "accept", value_name = "NAME", value_parser = |text: &str| text.parse::<Defect>())]
+    accepted: Vec<Defect>,
+}
+
+impl AcceptArguments {
+    /// What is accepted.
+    pub fn defects(&self) -> impl Iterator<Item = Defect> {
+        self.accepted.iter().copied()
+    }
 }
 
 /// Frames of a subject that are measured.
@@ -71,8 +88,12 @@ pub fn load_body(path: &Path, gender: Gender) -> xavatar::Result<(BodyModel, Par
 pub fn body_of(avatar: &Avatar, path: Option<&Path>) -> anyhow::Result<(BodyModel, PartLabels)> {
     match path {
         Some(path) => Ok(load_body(path, avatar.subject.gender)?),
-        None => built_in_body(avatar)?
-            .context("the avatar is not the demo's, so its body model has to be given: --body FILE or FOLDER"),
+        None => built_in_body(avatar)?.ok_or_else(|| {
+            WrongUsage(anyhow!(
+                "the avatar is not the demo's, so its body model has to be given: --body FILE or FOLDER"
+            ))
+            .into()
+        }),
     }
 }
 

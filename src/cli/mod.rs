@@ -99,10 +99,22 @@ enum Outcome {
     Stopped,
 }
 
-/// The arguments contradict each other or name a setting that there is not.
+/// The arguments contradict each other, or ask for what there is not, which only shows when the work begins.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
-struct WrongUsage(xavatar::Error);
+struct WrongUsage(#[from] anyhow::Error);
+
+impl From<xavatar::Error> for WrongUsage {
+    fn from(error: xavatar::Error) -> Self {
+        Self(error.into())
+    }
+}
+
+/// Ends the verb with wrong usage, in the words of `format!`.
+macro_rules! wrong_usage {
+    ($($words:tt)*) => { return Err($crate::cli::WrongUsage(anyhow::anyhow!($($words)*)).into()) };
+}
+use wrong_usage;
 
 /// Runs the command that the arguments ask for.
 pub fn main() -> ExitCode {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use serde::Serialize;
 use xavatar::body::Registration;
 use xavatar::data::{PointCloud, RgbdFiles, RgbdSubject};
@@ -13,7 +13,7 @@ use xavatar::report::part_colour;
 
 use super::inputs::load_body;
 use super::json::JsonArgument;
-use super::{Outcome, outputs};
+use super::{Outcome, outputs, wrong_usage};
 
 /// Write what one RGB-D frame shows as coloured points with normals
 #[derive(clap::Args)]
@@ -89,7 +89,7 @@ impl PointCloudOf {
                         [first, .., last] => format!("{} to {}", first.id, last.id),
                     };
                     let there = [of_split("training", &subject.train), of_split("test", &subject.test)].join(", ");
-                    bail!("{}: no frame {name:?}; there are {there}", self.data.display())
+                    wrong_usage!("{}: no frame {name:?}; there are {there}", self.data.display())
                 }
             },
         }

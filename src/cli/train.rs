@@ -6,13 +6,13 @@ use anyhow::bail;
 use xavatar::avatar::Avatar;
 use xavatar::config::Config;
 use xavatar::report::{REPORT_FILE, Report, machine};
-use xavatar::train::{Ending, Trainer};
+use xavatar::train::{Ending, Trainer, TrainingFrames};
 
 use super::captured::{Captured, Kind};
-use super::inputs::SubjectArguments;
+use super::inputs::{AcceptArguments, SubjectArguments};
 use super::progress::Progress;
 use super::training::TrainingArguments;
-use super::{Outcome, WrongUsage, outputs, report, stop};
+use super::{Outcome, WrongUsage, outputs, report, stop, wrong_usage};
 
 /// Train an avatar from a subject's scans, or from the pictures of an RGB-D camera
 #[derive(clap::Args)]
@@ -33,6 +33,8 @@ pub struct Train {
     from: Option<Kind>,
     #[command(flatten)]
     training: TrainingArguments,
+    #[command(flatten)]
+    accepted: AcceptArguments,
     /// Go on with the run in RUN from its newest checkpoint
     #[arg(long)]
     resume: bool,
@@ -52,8 +54,10 @@ impl Train {
         let stop = stop::on_interrupt()?;
         let mut progress = Progress::new();
         log::info!("part labels: {}", opened.labels.source);
+        let checked = opened.checked(&self.accepted);
+        let frames = checked.as_ref().map_or_else(|| opened.frames(), |checked| TrainingFrames::Scans(checked));
         let begin = if self.resume { Trainer::resume } else { Trainer::start };
-        let mut trainer = begin(&config, opened.frames(), &opened.body, &opened.labels, &self.out, &mut progress)?;
+        let mut trainer = begin(&config, frames, &opened.body, &opened.labels, &self.out, &mut progress)?;
         let ending = trainer.run(stop, &mut progress)?;
         progress.finish();
         let (data, body, out) = (self.subject.data.display(), self.subject.body.display(), self.out.display());
@@ -92,7 +96,7 @@ impl Train {
 
     fn new_configuration(&self, kind: Kind) -> anyhow::Result<Config> {
         let preset = kind.preset(self.training.preset());
-        let config = Config::preset_with(preset, &self.training.settings()).map_err(WrongUsage)?;
+        let config = Config::preset_with(preset, &self.training.settings()).map_err(WrongUsage::from)?;
         if !outputs::is_new_or_empty(&self.out)? {
             bail!(
                 "{}: the folder is not empty; give a new --out, or --resume to go on with the run in it",
@@ -107,18 +111,21 @@ impl Train {
         let run = Trainer::configuration(&self.out)?;
         let kind = Kind::of_run(&run);
         if self.from.is_some_and(|from| from != kind) {
-            bail!("{}: the run was started from other frames; leave --from away to resume it", self.out.display());
+            wrong_usage!(
+                "{}: the run was started from other frames; leave --from away to resume it",
+                self.out.display()
+            );
         }
         let named = self.training.preset.as_deref().map(|preset| kind.preset(preset));
         if let Some(preset) = named.filter(|preset| *preset != run.preset) {
-            bail!("{}: the run has the preset {}, not {preset}", self.out.display(), run.preset);
+            wrong_usage!("{}: the run has the preset {}, not {preset}", self.out.display(), run.preset);
         }
-        let asked = Config::preset_with(&run.preset, &self.training.settings()).map_err(WrongUsage)?;
+        let asked = Config::preset_with(&run.preset, &self.training.settings()).map_err(WrongUsage::from)?;
         let (settled, asked) = (run.to_toml()?.parse()?, asked.to_toml()?.parse()?);
         for (key, _) in self.training.settings() {
             let (found, wanted) = (value_of(&settled, &key), value_of(&asked, &key));
             if let Some((found, wanted)) = found.zip(wanted).filter(|(found, wanted)| found != wanted) {
-                bail!(
+                wrong_usage!(
                     "{}: the run was started with {key} = {found}, not {wanted}; leave it away to resume, or start a new run",
                     self.out.display()
                 );

@@ -30,6 +30,7 @@ impl<'a> CheckedFrames<'a> {
             translation: frame.parameters.translation(),
             pelvis: self.body.pose(&self.body.resolve(&frame.parameters)?)?.joints[0],
             fits_instead: None,
+            fits_too: None,
         };
         let found = looked.inspection.observations.iter().map(|observation| described(observation, &looked));
         match found.into_iter().find(|(defect, _)| defect.is_problem() && !self.accepted.contains(defect)) {

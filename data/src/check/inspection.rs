@@ -50,6 +50,8 @@ const DEEP_POINTS: usize = 24;
 const TWO_WALLS: f32 = 1.5;
 /// Sizes and distances beyond this factor are no unit and no shift, and f32 may not hold their squares.
 const LARGEST_FACTOR: f64 = 1e4;
+/// A scan nearer to its body than this (median) is of it, whatever has slipped, metres.
+const UNRELATED: f32 = 0.025;
 /// Of all limbs, those that are off where the scan as a whole is elsewhere, and that may still be when it is placed.
 const ELSEWHERE: f32 = 0.4;
 
@@ -146,7 +148,7 @@ impl<'a> Inspector<'a> {
             return seen(vec![Observation::Far(apart)]);
         }
         let mut scan_points = SurfacePoints::new(scan, SCAN_POINTS)?;
-        let is_inside_out = soundness.volume < 0.0;
+        let is_inside_out = self.is_inside_out(&scan_points, &posed, soundness.volume);
         if is_inside_out {
             scan_points.reverse();
         }
@@ -156,15 +158,25 @@ impl<'a> Inspector<'a> {
         seen(observations)
     }
 
-    /// Whether a scan lies on the body of these parameters, every limb of it.
+    /// Whether faces are seen from inside: by the body's inside, where the scan is around it, else by the scan's volume.
+    fn is_inside_out(&self, scan: &SurfacePoints, posed: &PosedBody, volume: Option<f64>) -> bool {
+        let mut windings: Vec<f32> = self.segments.cores(posed).map(|(_, core)| scan.winding_number(core)).collect();
+        let winding = median(&mut windings);
+        if winding.abs() > INSIDE.start { winding < 0.0 } else { volume.is_some_and(|volume| volume < 0.0) }
+    }
+
+    /// Whether a scan lies on the body of these parameters, every limb of it, once it is placed.
     ///
     /// # Errors
     /// Those of [`BodyModel::pose`]; if the scan has no area.
-    pub fn is_of(&self, scan: &TriangleMesh, parameters: &BodyParameters) -> Result<bool> {
+    pub fn is_of(&self, scan: &TriangleMesh, parameters: &BodyParameters, placement: &Similarity) -> Result<bool> {
         let posed = self.body.pose(&self.body.resolve(parameters)?)?;
         let body = SurfacePoints::new(&self.body.mesh(posed.vertices.clone()), BODY_POINTS)?;
-        let fits = self.fits(&SurfacePoints::new(scan, SCAN_POINTS)?, &body, &posed);
-        Ok(Limb::all().all(|limb| !is_off(limb, &fits[limb.index()])))
+        let mut scan = SurfacePoints::new(scan, SCAN_POINTS)?.placed(placement)?;
+        if self.is_inside_out(&scan, &posed, None) {
+            scan.reverse();
+        }
+        Ok(count_off(&self.fits(&scan, &body, &posed)) == 0)
     }
 
     /// Whether the scan as a whole is elsewhere than the body; and, once it is placed, what is wrong with limbs.
@@ -195,7 +207,9 @@ impl<'a> Inspector<'a> {
                 let alignment = Alignment { placement, alternatives: others, ..found };
                 Ok(std::iter::once(Observation::Misplaced(alignment)).chain(of_limbs(&fits)).collect())
             }
-            _ if off > some => Ok(vec![Observation::Unrelated { apart: found.before, least: found.after }]),
+            _ if off > some && found.before > UNRELATED => {
+                Ok(vec![Observation::Unrelated { apart: found.before, least: found.after }])
+            }
             _ => Ok(of_limbs(&fits)),
         }
     }

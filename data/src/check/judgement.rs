@@ -34,6 +34,8 @@ pub(super) struct Looked {
     pub pelvis: Vec3,
     /// The frame whose body fits this scan, if its own does not.
     pub fits_instead: Option<String>,
+    /// A placement in which the scan lies on its body as well as it does as it is.
+    pub fits_too: Option<Similarity>,
 }
 
 /// Findings about scans, and the placement that would mend them, if one does.
@@ -41,6 +43,18 @@ pub(super) struct Looked {
 pub(super) struct Judged {
     pub findings: Vec<Finding>,
     pub mend: Option<ScanPlacement>,
+}
+
+/// The placement of some frames that others, which lie on their bodies as they are, may share: those of a body in a symmetric
+/// pose lie on it mirrored as well. None if no frame is misplaced, or most are.
+pub(super) fn placement_of_some(looked: &[Looked]) -> Option<Similarity> {
+    if common_placement(looked).is_some() {
+        return None;
+    }
+    looked.iter().flat_map(|one| &one.inspection.observations).find_map(|observation| match observation {
+        Observation::Misplaced(found) => Some(found.placement),
+        _ => None,
+    })
 }
 
 /// The places of frames that do not lie on their bodies, for a reason that most frames do not share.
@@ -235,10 +249,12 @@ impl Common {
 
 /// The placement of a frame, the best or another that fits as well, that scales and turns as `placement` does.
 fn alike(placement: &Similarity, found: &Alignment) -> Option<Similarity> {
-    let is_alike = |other: &&Similarity| {
-        is_same_scale(placement.scale, other.scale) && angle_between(placement.turn, other.turn) < ONE_TURN
-    };
-    found.placements().find(is_alike).copied()
+    found.placements().find(|other| is_alike(placement, other)).copied()
+}
+
+/// Whether two placements scale and turn alike.
+fn is_alike(one: &Similarity, other: &Similarity) -> bool {
+    is_same_scale(one.scale, other.scale) && angle_between(one.turn, other.turn) < ONE_TURN
 }
 
 fn is_same_scale(one: f32, other: f32) -> bool {
@@ -270,10 +286,14 @@ fn common_placement(looked: &[Looked]) -> Option<Common> {
             group = placed;
         }
     }
-    if group.is_empty() || (group.len() as f32) < MOST * looked.len() as f32 {
+    if group.is_empty() {
         return None;
     }
     let first = group[0].1.placement;
+    let too = |one: &&Looked| one.fits_too.is_some_and(|placement| is_alike(&first, &placement));
+    if ((group.len() + looked.iter().filter(too).count()) as f32) < MOST * looked.len() as f32 {
+        return None;
+    }
     let middle = |value: fn(&Alignment) -> f32| {
         percentile(group.iter().map(|(_, found)| value(found)).collect(), 0.5).unwrap_or(0.0)
     };

@@ -30,6 +30,7 @@ pub use statistics::{DistanceReport, SequenceReport, UnusableFrame};
 pub(super) use alignment::UNITS;
 pub(super) use statistics::{count_sequences, distances_by_part, height, percentile, reason, strided};
 
+use self::alignment::Similarity;
 use self::distances::Distances;
 use self::inspection::{Inspector, Observation};
 use self::judgement::{Judged, Looked};
@@ -128,6 +129,7 @@ pub fn check(
     let places: Vec<usize> = (0..frames.len()).filter(|place| frames[*place].is_ok()).collect();
     let (mut looked, measured): (Vec<Looked>, Vec<Option<Distances>>) =
         frames.into_iter().flatten().map(|(looked, _, measured)| (looked, measured)).unzip();
+    find_other_placements(&mut looked, &places, &files, subject, &inspector);
     find_other_frames(&mut looked, &places, &files, subject, &inspector);
     let measured: Vec<Distances> = measured.into_iter().flatten().collect();
     let Judged { findings, mend } = judgement::judge(&looked);
@@ -169,16 +171,38 @@ fn look(frame: &ScanFrame, inspector: &Inspector<'_>, body: &BodyModel) -> Resul
         translation: frame.parameters.translation(),
         pelvis,
         fits_instead: None,
+        fits_too: None,
     })
 }
 
 impl Looked {
+    /// Whether nothing was seen but, at most, faces from inside.
+    fn is_in_place(&self) -> bool {
+        self.inspection.observations.iter().all(|observation| matches!(observation, Observation::InsideOut))
+    }
+
     /// Whether distances to the body would say nothing.
     fn is_beyond_measure(&self) -> bool {
         self.inspection.observations.iter().any(|observation| {
             matches!(observation, Observation::NoSurface(_) | Observation::Size(_) | Observation::Far(_))
         })
     }
+}
+
+/// Tries the placement of a few scans on those that lie on their bodies as they are.
+fn find_other_placements(
+    looked: &mut [Looked],
+    places: &[usize],
+    files: &[&FrameFiles],
+    subject: &Subject,
+    inspector: &Inspector<'_>,
+) {
+    let Some(placement) = judgement::placement_of_some(looked) else { return };
+    looked.par_iter_mut().zip(places).filter(|(one, _)| one.is_in_place()).for_each(|(one, &place)| {
+        let fits = read_frame(files[place], &subject.betas)
+            .and_then(|frame| inspector.is_of(&frame.scan, &frame.parameters, &placement));
+        one.fits_too = fits.unwrap_or(false).then_some(placement);
+    });
 }
 
 /// Compares scans that do not lie on their bodies with the bodies of frames near them.
@@ -198,7 +222,7 @@ fn find_other_frames(
             let near = place.saturating_sub(NEIGHBOURS)..(place + NEIGHBOURS + 1).min(files.len());
             near.filter(|other| *other != place).find_map(|other| {
                 let parameters = files[other].read_parameters(&subject.betas).ok()?;
-                let fits = inspector.is_of(&frame.scan, &parameters.into()).unwrap_or(false);
+                let fits = inspector.is_of(&frame.scan, &parameters, &Similarity::IDENTITY).unwrap_or(false);
                 fits.then(|| files[other].id.to_string())
             })
         })

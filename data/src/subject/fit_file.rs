@@ -1,24 +1,31 @@
-//! A frame's registration in a file: pickle, npz or JSON, told by its first bytes; parameters by every name that motions know.
+//! A frame's registration in a file of arrays: pickle, npz, JSON ...; parameters by every name that motions know.
 //!
 //! Rotations are vectors or matrices, hands 45 numbers, matrices or PCA coefficients (smplx's default, relative to the mean
-//! hand). THuman2 adds `scale` and `translation`: its scans are scale * body + translation.
+//! hand). One array with all joints of SMPL or SMPL+H is a pose of that family. THuman2 adds `scale` and `translation`: its
+//! scans are scale * body + translation.
 
 use std::path::Path;
 
 use glam::Vec3;
 
-use crate::json::read_json_arrays;
 use crate::motion::{has_named, read_named};
 use crate::xhumans::parameters_of;
-use xavatar_body::{Gender, smplx};
-use xavatar_formats::{Array, ArrayMap, Error, Result, open_file, read_npz, read_pickle_arrays};
+use xavatar_body::{BodyParameters, Gender, Pose, PoseAxisAngle, Skeleton, smpl, smplh, smplx};
+use xavatar_formats::{Array, ArrayFile, ArrayMap, Error, Result};
+
+const FORMAT: &str = "registration";
+/// Names of one array with all rotations of a frame.
+const WHOLE_POSE: [&str; 6] = ["pose", "poses", "smpl_pose", "smplh_pose", "full_pose", "thetas"];
+const TRANSLATION: [&str; 4] = ["transl", "trans", "translation", "Th"];
 
 /// A frame's registration, as its file has it.
 pub(super) struct Fit {
-    /// The file's own shape included.
-    pub parameters: smplx::Parameters,
-    /// Whether the file has a shape.
-    pub has_betas: bool,
+    /// The shape is left out.
+    pub parameters: BodyParameters,
+    /// The file's own shape, if it has one.
+    pub betas: Option<Vec<f32>>,
+    /// The skeleton that the parameters are of.
+    pub skeleton: &'static Skeleton,
     /// The scan's size by the body's, and the shift of the scan, metres of the scan.
     pub scaled: Option<(f32, Vec3)>,
     pub gender: Option<Gender>,
@@ -29,21 +36,25 @@ pub(super) struct Fit {
 /// Reads a frame's registration.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::Malformed`], [`Error::Refused`]; [`Error::Mismatch`] for a registration of SMPL or SMPL+H, or of
-/// several frames.
+/// [`Error::Io`], [`Error::Malformed`], [`Error::Refused`]; [`Error::Mismatch`] for a file of something else, or of several frames.
 pub(super) fn read_fit(path: &Path) -> Result<Fit> {
-    let arrays = read_arrays(path)?;
-    refuse_other_families(path, &arrays)?;
+    let file = ArrayFile::read(path)?.ok_or_else(|| Error::Mismatch {
+        path: path.into(),
+        found: "none of a pickle, npz or JSON".into(),
+        expected: "a registration (parameters of one frame)".into(),
+        remedy: "docs/formats.md has the names and shapes".into(),
+    })?;
+    let arrays = &file.arrays;
+    let scaled = scaling(path, arrays)?;
     let gender = arrays.get("gender").and_then(Array::text).and_then(|text| text.parse().ok());
-    let scaled = scaling(path, &arrays)?;
-    let has_betas = arrays.keys().any(|key| matches!(leaf(key), "betas" | "shape"));
+    let fit = |parameters, betas, skeleton, absent| Fit { parameters, betas, skeleton, scaled, gender, absent };
+    if let Some((skeleton, pose)) = whole_pose(path, arrays)? {
+        return Ok(fit(pose.into(), own_betas(arrays), skeleton, Vec::new()));
+    }
     // All parameters under smplx's names, as X-Humans has them; or under other names, or some of them.
-    let motion = match parameters_of(path, &arrays) {
-        Ok(parameters) => {
-            let parameters = smplx::Parameters { betas: own_betas(&arrays).unwrap_or_default(), ..parameters };
-            return Ok(Fit { parameters, has_betas, scaled, gender, absent: Vec::new() });
-        }
-        Err(_) if has_named(&arrays).is_ok() => read_named(path, &arrays)?,
+    let motion = match parameters_of(path, arrays) {
+        Ok(parameters) => return Ok(fit(parameters.into(), own_betas(arrays), smplx::skeleton(), Vec::new())),
+        Err(_) if has_named(arrays).is_ok() => read_named(path, arrays)?,
         Err(error) => return Err(error),
     };
     let count = motion.frames.len();
@@ -57,46 +68,31 @@ pub(super) fn read_fit(path: &Path) -> Result<Fit> {
         // `translation` is the scan's, not the body's.
         parameters.transl = Vec3::ZERO;
     }
-    Ok(Fit { parameters, has_betas, scaled, gender, absent: motion.zeroed })
+    let betas = std::mem::take(&mut parameters.betas);
+    let betas = (!betas.is_empty() && !motion.zeroed.iter().any(|name| name == "betas")).then_some(betas);
+    Ok(fit(parameters.into(), betas, smplx::skeleton(), motion.zeroed))
 }
 
-fn read_arrays(path: &Path) -> Result<ArrayMap> {
-    let mut start = Vec::new();
-    let file = open_file(path)?;
-    std::io::Read::read_to_end(&mut std::io::Read::take(file, 2), &mut start).map_err(Error::io(path))?;
-    match start.as_slice() {
-        b"PK" => read_npz(path),
-        [0x80, ..] => read_pickle_arrays(path),
-        [first, ..] if b"{ \n\r\t".contains(first) => read_json_arrays(path),
-        _ if path.extension().is_some_and(|extension| extension == "pkl") => read_pickle_arrays(path),
-        _ => Err(Error::Mismatch {
-            path: path.into(),
-            found: "neither a pickle nor npz nor JSON".into(),
-            expected: "a registration (SMPL-X parameters of one frame)".into(),
-            remedy: "docs/formats.md has the names and shapes".into(),
-        }),
-    }
-}
-
-/// Shape and joints of other models mean other things, so their registrations would put the body beside the scan.
-fn refuse_other_families(path: &Path, arrays: &ArrayMap) -> Result<()> {
-    let family = arrays.iter().find_map(|(key, array)| {
-        let count: usize = array.shape.iter().product();
-        match (leaf(key), count) {
-            ("pose" | "poses" | "smpl_pose" | "full_pose" | "thetas", 72) | ("body_pose", 69) => {
-                Some(("SMPL", key, count))
-            }
-            ("pose" | "poses" | "full_pose", 156) => Some(("SMPL+H", key, count)),
-            _ => None,
-        }
-    });
-    let Some((family, key, count)) = family else { return Ok(()) };
-    Err(Error::Mismatch {
+/// The pose of a file with all joints of SMPL or SMPL+H in one array, or SMPL's with the root in another.
+fn whole_pose(path: &Path, arrays: &ArrayMap) -> Result<Option<(&'static Skeleton, Pose)>> {
+    let numbers = |key: &str| arrays.get(key).and_then(Array::to_f32);
+    let whole = WHOLE_POSE.iter().find_map(|name| numbers(name));
+    let in_two = || Some([numbers("global_orient")?, numbers("body_pose").filter(|body| body.len() == 69)?].concat());
+    let Some(values) = whole.or_else(in_two) else { return Ok(None) };
+    let families = [smpl::skeleton(), smplh::skeleton()];
+    let Some(skeleton) = families.into_iter().find(|skeleton| 3 * skeleton.joints.len() == values.len()) else {
+        return Ok(None);
+    };
+    let translation = TRANSLATION.iter().find_map(|name| numbers(name)).unwrap_or_else(|| vec![0.0; 3]);
+    let translation: [f32; 3] = translation.try_into().map_err(|found: Vec<f32>| Error::Malformed {
         path: path.into(),
-        found: format!("a registration of {family} (`{key}` of {count} numbers)"),
-        expected: "one of SMPL-X: its shape coefficients and joints are others".into(),
-        remedy: "fit SMPL-X to the scan, or convert with smplx's transfer_model".into(),
-    })
+        format: FORMAT,
+        place: "the translation".into(),
+        found: format!("{} numbers", found.len()),
+        expected: "3 numbers".into(),
+    })?;
+    let rotations = values.as_chunks::<3>().0.iter().map(|&vector| PoseAxisAngle(vector.into())).collect();
+    Ok(Some((skeleton, Pose { rotations, translation: translation.into(), ..Pose::default() })))
 }
 
 /// THuman2's similarity, if the file has one.
@@ -105,7 +101,7 @@ fn scaling(path: &Path, arrays: &ArrayMap) -> Result<Option<(f32, Vec3)>> {
     let Some(scale) = numbers("scale") else { return Ok(None) };
     let malformed = |place: &str, found: String, expected: &str| Error::Malformed {
         path: path.into(),
-        format: "registration",
+        format: FORMAT,
         place: format!("`{place}`"),
         found,
         expected: expected.into(),
@@ -128,9 +124,4 @@ fn own_betas(arrays: &ArrayMap) -> Option<Vec<f32>> {
     let mut values = arrays.get("betas")?.to_f32()?;
     values.truncate(smplx::SHAPES);
     values.iter().all(|value| value.is_finite()).then_some(values)
-}
-
-/// The name after the last dot.
-fn leaf(key: &str) -> &str {
-    key.rsplit('.').next().unwrap_or(key)
 }

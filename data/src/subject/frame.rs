@@ -8,7 +8,7 @@ use super::rules::Rules;
 use super::scan_file::read_scan;
 use crate::{FrameId, ScanFrame};
 use glam::Vec3;
-use xavatar_body::smplx;
+use xavatar_body::{BodyParameters, smplx};
 use xavatar_formats::{Choice, Error, Remedy, Result};
 use xavatar_mesh::ReadMesh;
 
@@ -67,18 +67,22 @@ impl FrameFiles {
     ///
     /// # Errors
     /// Those of the file: missing, malformed, refused, or of another model; without the frame's name.
-    pub fn read_parameters(&self, betas: &[f32]) -> Result<smplx::Parameters> {
+    pub fn read_parameters(&self, betas: &[f32]) -> Result<BodyParameters> {
         Ok(self.read_registration(betas)?.0)
     }
 
     /// The registration, and the scan's size by the body's with its shift, if the file has them.
-    fn read_registration(&self, betas: &[f32]) -> Result<(smplx::Parameters, Option<(f32, Vec3)>)> {
+    fn read_registration(&self, betas: &[f32]) -> Result<(BodyParameters, Option<(f32, Vec3)>)> {
         let Fit { parameters, scaled, .. } = read_fit(self.parameters.require("the frame's SMPL-X parameters")?)?;
-        let parameters = smplx::Parameters {
-            betas: betas.to_vec(),
-            left_hand_pose: self.rules.hand(0, parameters.left_hand_pose)?,
-            right_hand_pose: self.rules.hand(1, parameters.right_hand_pose)?,
-            ..parameters
+        let parameters = match parameters {
+            BodyParameters::Absolute(pose) => pose.in_shape(betas).into(),
+            BodyParameters::Smplx(parameters) => smplx::Parameters {
+                betas: betas.to_vec(),
+                left_hand_pose: self.rules.hand(0, parameters.left_hand_pose)?,
+                right_hand_pose: self.rules.hand(1, parameters.right_hand_pose)?,
+                ..*parameters
+            }
+            .into(),
         };
         Ok((parameters, scaled))
     }
@@ -102,7 +106,7 @@ pub fn read_frame(files: &FrameFiles, betas: &[f32]) -> Result<ScanFrame> {
         for placement in &files.rules.placements {
             placement.apply(&mut scan, files.rules.place_of(placement.origin, &parameters)?);
         }
-        Ok(ScanFrame { id: files.id.clone(), scan, parameters: parameters.into(), notes })
+        Ok(ScanFrame { id: files.id.clone(), scan, parameters, notes })
     };
     read().map_err(|error: Error| error.in_frame(files.id.to_string()))
 }

@@ -20,7 +20,7 @@ pub use layout::Layout;
 pub use rules::HandZero;
 
 use self::description::Description;
-use self::fit_file::{Fit, read_fit};
+use self::fit_file::read_fit;
 use self::layout::{DRESS_INFO, Sequence, find, named_sequence};
 use self::pairing::{Paired, last_number};
 use self::rules::{Rules, Settled};
@@ -28,7 +28,7 @@ use crate::FrameId;
 use crate::placement::ScanPlacement;
 use crate::rgbd::Shape;
 use crate::xhumans::{Common, GENDER_FILE, SHAPE_FILE, gender_in, mean_shape};
-use xavatar_body::{BodyModel, Gender};
+use xavatar_body::{BodyModel, Gender, Skeleton};
 use xavatar_formats::{Error, Result, Value, read_pickle};
 
 /// Registrations that are read for a shape that no file states.
@@ -49,6 +49,8 @@ pub struct Subject {
     pub shape_spread: Option<f32>,
     /// Parameters that the first registration does not have, so that they are zero.
     pub absent: Vec<String>,
+    /// The first registration, and the skeleton it is of.
+    registered: Option<(PathBuf, &'static Skeleton)>,
     /// Training frames, by sequence and number.
     pub train: Vec<FrameFiles>,
     /// Test frames, by sequence and number.
@@ -87,7 +89,11 @@ impl Subject {
             Some(Shape::File(file)) => Some(mean_shape(&folder.join(file))?),
             None => stated.betas,
         };
-        let first = if layout == Layout::XHumans { None } else { fits.first().map(|fit| read_fit(fit)).transpose()? };
+        // What is wrong with the first is its frame's error, where nothing is needed of it.
+        let first = match fits.first().map(|fit| read_fit(fit)).transpose() {
+            Err(_) if layout == Layout::XHumans => None,
+            first => first?,
+        };
         let gender = description.gender.or(stated.gender).or(first.as_ref().and_then(|fit| fit.gender));
         let gender = gender.or(dress_gender(&sequences)).or(conventions.gender).ok_or_else(|| Error::Missing {
             path: folder.join(Description::FILE),
@@ -112,6 +118,7 @@ impl Subject {
             gender,
             betas,
             shape_spread,
+            registered: first.as_ref().zip(fits.first()).map(|(fit, path)| (path.to_path_buf(), fit.skeleton)),
             absent: first.map(|fit| fit.absent).unwrap_or_default(),
             train,
             test,
@@ -122,8 +129,18 @@ impl Subject {
     /// that need it refuse to read frames without.
     ///
     /// # Errors
-    /// Those of [`BodyModel::pose`] for the subject's shape.
+    /// [`Error::Mismatch`] if the frames were registered with a model of another family; those of [`BodyModel::pose`] for the
+    /// subject's shape.
     pub fn settled(mut self, body: &BodyModel) -> Result<Self> {
+        let of_other = self.registered.iter().find(|(_, skeleton)| skeleton.joints != body.skeleton().joints);
+        if let Some((path, skeleton)) = of_other {
+            return Err(Error::Mismatch {
+                path: path.clone(),
+                found: format!("a registration of {}", skeleton.family),
+                expected: format!("one of {}, as {} is", body.skeleton().family, body.path().display()),
+                remedy: format!("give a body model of {}, or fit the scans again", skeleton.family).into(),
+            });
+        }
         let mut frames: Vec<&mut FrameFiles> = self.train.iter_mut().chain(&mut self.test).collect();
         if let Some(first) = frames.first() {
             let settled = Some(Settled::of(body, &self.betas)?);
@@ -222,8 +239,7 @@ fn mean_of_shapes(folder: &Path, fits: &[&Path]) -> Result<(Vec<f32>, Option<f32
         .step_by(stride)
         // A registration that cannot be read is its frame's error.
         .filter_map(|fit| read_fit(fit).ok())
-        .filter(|Fit { has_betas, .. }| *has_betas)
-        .map(|fit| fit.parameters.betas)
+        .filter_map(|fit| fit.betas)
         .collect();
     if shapes.is_empty() {
         // If none can be read, why not is more to the point.

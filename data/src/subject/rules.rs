@@ -4,7 +4,7 @@ use glam::Vec3;
 use serde::Deserialize;
 
 use crate::placement::{Origin, ScanPlacement};
-use xavatar_body::{BodyModel, Gender, HandPose, PoseAxisAngle, smplx};
+use xavatar_body::{BodyModel, BodyParameters, Gender, HandPose, PoseAxisAngle};
 use xavatar_formats::{Error, Result};
 
 /// What zero is in a registration's hand poses.
@@ -60,11 +60,11 @@ impl Rules {
     ///
     /// # Errors
     /// [`Error::Value`] for the pelvis, if no body model settles where that is.
-    pub(super) fn place_of(&self, origin: Origin, parameters: &smplx::Parameters) -> Result<Vec3> {
+    pub(super) fn place_of(&self, origin: Origin, parameters: &BodyParameters) -> Result<Vec3> {
         match origin {
             Origin::World => Ok(Vec3::ZERO),
-            Origin::Translation => Ok(parameters.transl),
-            Origin::Pelvis => Ok(self.settled("the scans' origin, the pelvis,")?.pelvis + parameters.transl),
+            Origin::Translation => Ok(parameters.translation()),
+            Origin::Pelvis => Ok(self.settled("the scans' origin, the pelvis,")?.pelvis + parameters.translation()),
         }
     }
 
@@ -112,6 +112,7 @@ fn flat_hand(coefficients: &[f32], components: &[[f32; 45]]) -> Result<HandPose>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use xavatar_body::Pose;
 
     #[test]
     fn flat_hands_are_sums_of_components_without_the_mean() {
@@ -128,7 +129,7 @@ mod tests {
     fn what_needs_a_body_model_says_so() {
         let rules = Rules { hands: HandZero::Flat, ..Rules::default() };
         assert!(rules.hand(0, HandPose::Pca(vec![1.0])).unwrap_err().to_string().contains("body model"));
-        assert!(rules.place_of(Origin::Pelvis, &smplx::Parameters::default()).is_err());
+        assert!(rules.place_of(Origin::Pelvis, &Pose::default().into()).is_err());
         let relative = HandPose::RelativeToMean(Default::default());
         assert_eq!(rules.hand(1, relative.clone()).unwrap(), HandPose::Flat(Default::default()));
         assert_eq!(Rules::default().hand(1, relative.clone()).unwrap(), relative);

@@ -20,7 +20,7 @@ pub use write::write_subject;
 pub(super) use parameters::parameters_of;
 pub(super) use write::{create_folder, write_common, write_parameters};
 
-use xavatar_body::Gender;
+use xavatar_body::{Gender, smplx};
 use xavatar_formats::{Error, Result, read_npy, read_text};
 
 pub(super) const SHAPE_FILE: &str = "mean_shape_smplx.npy";
@@ -75,10 +75,10 @@ pub(super) fn mean_shape(path: &Path) -> Result<Vec<f32>> {
     }
     let array = read_npy(path)?;
     let betas = array.to_f32().filter(|values| values.iter().all(|value| value.is_finite()));
-    betas.filter(|values| !values.is_empty()).ok_or_else(|| Error::Mismatch {
+    betas.filter(|values| values.len() == smplx::SHAPES).ok_or_else(|| Error::Mismatch {
         path: path.into(),
         found: array.description(),
-        expected: "finite shape coefficients".into(),
+        expected: "10 finite shape coefficients".into(),
         remedy: "use the shape that the frames were registered with".into(),
     })
 }

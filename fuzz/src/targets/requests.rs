@@ -19,8 +19,8 @@ pub(super) fn pose(bytes: &[u8]) -> bool {
 
 pub(super) fn pose_seeds() -> Vec<Vec<u8>> {
     vec![
-        br#"{"parameters": {}, "resolution": 64}"#.to_vec(),
-        br#"{"parameters": {"jaw_pose": [0.2, 0, 0], "transl": [0, 1, 0], "expression": [0,0,0,0,0,0,0,0,0,1.5]}, "resolution": 128}"#
+        br#"{"pose": {}, "resolution": 64}"#.to_vec(),
+        br#"{"pose": {"rotations": {"jaw": [0.2, 0, 0]}, "translation": [0, 1, 0], "expression": [0,0,0,0,0,0,0,0,0,1.5]}, "resolution": 128}"#
             .to_vec(),
     ]
 }

@@ -22,7 +22,7 @@ use super::inputs::{Split, SubjectFrames, body_of};
 use super::json::JsonArgument;
 use super::motion::MotionArguments;
 use super::progress::Progress;
-use super::{Outcome, outputs, stop};
+use super::{Outcome, WrongUsage, outputs, stop};
 
 /// Columns of a PNG: poses of a motion or sides of a turntable.
 const COLUMNS: usize = 6;
@@ -118,7 +118,7 @@ impl Render {
         if is_picture {
             outputs::new_file(&self.out)?;
         } else {
-            let format = FilmFormat::of_path(&self.out)?;
+            let format = FilmFormat::of_path(&self.out).map_err(|error| WrongUsage(error.into()))?;
             format.check_available()?;
             match format {
                 FilmFormat::Folder => outputs::new_folder(&self.out, "give a new --out")?,

@@ -373,7 +373,7 @@ fn what_cannot_be_rigged_is_named() {
     let mut broken = take(1);
     broken[0].translation.y = f32::INFINITY;
     let message = refused(RIGGING, &avatar, Some(body), &broken, RATE);
-    assert!(message.contains("translation is inf"), "{message}");
+    assert!(message.contains("translation is [0, inf, 0]"), "{message}");
     let message = refused(
         RIGGING,
         &avatar,

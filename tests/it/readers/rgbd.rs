@@ -306,7 +306,7 @@ fn a_layout_that_is_wrong_is_told_where() {
         ("\"neutral\"", "\"robot\"", ["line 1", "robot"]),
         ("split = \"train\"", "split = \"validation\"", ["validation", "train"]),
         ("train/Take1", "train/Take7", ["Take7", "rgbd.toml"]),
-        ("betas = [", "betas = [1.0, ", ["betas", "10 numbers"]),
+        ("betas = [", "betas = [nan, ", ["betas", "finite numbers"]),
         ("bodies = \"bodies.npz\"", "bodies = \"absent.npz\"", ["absent.npz", "not found"]),
     ] {
         let error = error_after(toml(from, to));
@@ -456,7 +456,7 @@ fn pictures_and_poses_of_the_nearest_times_are_frames() {
     // The poses are there, but not at that moment.
     let late = lay_out(&[(11, 0.08), (12, 0.1)], [0.08, 0.1]);
     let error = RgbdSubject::open(late.path()).unwrap().training_frames().read(0).unwrap_err().to_string();
-    assert!(error.contains("groundtruth.txt: the pose of") && error.contains("--skip-bad-frames"), "{error}");
+    assert!(error.contains("groundtruth.txt: the pose of") && error.contains("leave the frame out"), "{error}");
 }
 
 // Open3D: matrices of 9 and 16 numbers, column after column; its trajectories as JSON (world to camera) and text (camera to world).

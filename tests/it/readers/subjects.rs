@@ -292,18 +292,22 @@ fn custom_humans_stand_with_the_pelvis_at_the_origin() {
 }
 
 #[test]
-fn fits_of_smpl_are_refused_by_that_name() {
+fn fits_of_smpl_ask_for_a_model_of_smpl() {
     let folder = tempfile::tempdir().unwrap();
     write_scan(&folder.path().join("scan.ply"), &FRAMES[0]);
-    for (count, family) in [(72, "SMPL "), (156, "SMPL+H")] {
+    fs::write(folder.path().join("gender.txt"), "male").unwrap();
+    for (count, family) in [(72, "of SMPL,"), (156, "of SMPL+H,")] {
         let fit = [
             ("pose".to_owned(), vector(&vec![0.0; count])),
             ("betas".to_owned(), vector(&[0.0; 10])),
             ("trans".to_owned(), vector(&[0.0; 3])),
         ];
         write_pickle(folder.path().join("scan_smpl.pkl"), &fit.into()).unwrap();
-        let error = Subject::open(folder.path()).unwrap_err().to_string();
-        assert!(error.contains(family) && error.contains("scan_smpl.pkl") && error.contains("fit SMPL-X"), "{error}");
+        let subject = Subject::open(folder.path()).unwrap();
+        assert_eq!(subject.layout, Layout::Rvh);
+        // The built-in model is one of SMPL-X.
+        let error = subject.settled(SUBJECT.model()).unwrap_err().to_string();
+        assert!(error.contains(family) && error.contains("scan_smpl.pkl") && error.contains("of SMPL-X"), "{error}");
     }
 }
 
@@ -355,7 +359,7 @@ fn what_is_missing_is_named_in_the_layout_that_is_there() {
     fs::remove_file(folder.path().join("fits/2.npz")).unwrap();
     let subject = open(folder.path());
     let complaint = |index: usize| read_frame(&subject.train[index], &subject.betas).unwrap_err().to_string();
-    for (index, words) in [(0, ["scan not found", "scans", "1 as"]), (1, ["not found", "fits", "2 as"])] {
+    for (index, words) in [(0, ["the frame's scan", "scans", "1 as"]), (1, ["not found", "fits", "2 as"])] {
         let said = complaint(index);
         for word in words {
             assert!(said.contains(word), "{said}");

@@ -290,7 +290,7 @@ fn the_latest_of_a_client_wins() {
 // that comes after them gets the page and its pose.
 #[test]
 fn honest_clients_are_answered_in_a_crowd() {
-    let pose = br#"{"parameters": {}, "resolution": 32}"#;
+    let pose = br#"{"pose": {}, "resolution": 32}"#;
     let site = site();
     serving(&site, |address| {
         let half = b"POST /mesh HTTP/1.1\r\nHost: local";
