@@ -26,9 +26,9 @@
 //! # Training
 //!
 //! [`data`] reads what users have: scans, motions, body models, all without running anything that is in them. A
-//! [`data::FrameSource`] hands out frames, [`train::Trainer`] draws points from them, part by part, and descends
-//! [`train::losses`]: BCE(f) or |f - d|, |n_d - n|^2, |c - c_gt|, and what holds the weights at joints and skin. A run is
-//! a folder that can be stopped and resumed to the bit; [`config::Config`] is every constant, `configs/` the presets.
+//! [`data::Source`] hands out captures, a [supervision](train::supervision) draws points from them, part by part, and an
+//! [engine](train::engine) descends [`train::losses`]: BCE(f) or |f - d|, |n_d - n|^2, |c - c_gt|, and what holds the weights at joints
+//! and skin. A [`runs::Run`] is a folder that can be stopped and resumed to the bit; [`config::Config`] is all that may be turned.
 //!
 //! # The avatar
 //!
@@ -66,6 +66,7 @@ pub mod export;
 pub mod fields;
 pub mod machine;
 pub mod report;
+pub mod runs;
 pub mod synthetic;
 pub mod train;
 pub mod view;

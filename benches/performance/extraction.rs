@@ -5,8 +5,9 @@ use std::sync::atomic::AtomicBool;
 use xavatar::avatar::{Animator, FixedTopology};
 use xavatar::config::Config;
 use xavatar::machine::Seconds;
+use xavatar::runs::Run;
 use xavatar::synthetic::{BuiltInSubject, Split};
-use xavatar::train::{Trainer, TrainingFrames};
+use xavatar::train::TrainingSpec;
 
 use crate::report::Report;
 use crate::steps::Timings;
@@ -22,10 +23,9 @@ pub fn measure(report: &mut Report) -> Result<(), Box<dyn std::error::Error>> {
     let subject = BuiltInSubject::new()?;
     let (source, folder, mut timings) = (subject.film(Split::Train, 1)?, tempfile::tempdir()?, Timings::default());
     let (model, labels) = (subject.model(), subject.part_labels());
-    let mut trainer =
-        Trainer::start(&config, TrainingFrames::Scans(&source), model, labels, folder.path(), &mut timings)?;
-    trainer.run(&AtomicBool::new(false), &mut timings)?;
-    let avatar = trainer.avatar()?;
+    let run = Run::open(folder.path(), TrainingSpec { config: &config, source: &source, body: model, labels })?;
+    run.train(&AtomicBool::new(false), &mut timings)?;
+    let avatar = run.avatar()?;
     let canonical = avatar.subject.skeleton.canonical_pose(&avatar.subject.betas);
     for (resolution, repeats) in [(128, 5), (256, 5), (512, 3)] {
         avatar.extract_canonical(&canonical, resolution)?;

@@ -8,8 +8,9 @@ use std::sync::atomic::AtomicBool;
 
 use xavatar::config::Config;
 use xavatar::machine::Seconds;
+use xavatar::runs::{Event, Observer, Run};
 use xavatar::synthetic::{BuiltInSubject, Split};
-use xavatar::train::{Event, Observer, Stage, Trainer, TrainingFrames};
+use xavatar::train::{Stage, TrainingSpec};
 
 use crate::report::Report;
 
@@ -64,9 +65,8 @@ pub fn child(case: &str) -> Result<(), Box<dyn std::error::Error>> {
     let subject = BuiltInSubject::new()?;
     let (source, folder, mut timings) = (subject.film(Split::Train, 1)?, tempfile::tempdir()?, Timings::default());
     let (model, labels) = (subject.model(), subject.part_labels());
-    let mut trainer =
-        Trainer::start(&config, TrainingFrames::Scans(&source), model, labels, folder.path(), &mut timings)?;
-    trainer.run(&AtomicBool::new(false), &mut timings)?;
+    let spec = TrainingSpec { config: &config, source: &source, body: model, labels };
+    Run::open(folder.path(), spec)?.train(&AtomicBool::new(false), &mut timings)?;
     let Timings(mut measured) = timings;
     measured.extend(peak_mebibytes().map(|peak| ("peak_mib".to_owned(), vec![peak])));
     println!("{}", serde_json::to_string(&measured)?);

@@ -105,7 +105,8 @@ impl Anatomy {
             return wrong("number of skinning weights", weights.to_string(), format!("{vertices} rows of {joints}"));
         }
         let rows = self.skinning_weights.chunks_exact(joints).map(|row| row.iter().sum::<f32>());
-        if let Some((vertex, sum)) = rows.enumerate().find(|(_, sum)| !((sum - 1.0).abs() <= SUM_TOLERANCE)) {
+        if let Some((vertex, sum)) = rows.enumerate().find(|(_, sum)| sum.is_nan() || (sum - 1.0).abs() > SUM_TOLERANCE)
+        {
             return wrong(&format!("the sum of the skinning weights of vertex {vertex}"), sum.to_string(), "1".into());
         }
         if let Some(corner) = self.faces.iter().flatten().find(|corner| **corner as usize >= vertices) {

@@ -151,6 +151,7 @@ mod tests {
         let message = |path: &Path, gender| BodyModel::load(path, gender).unwrap_err().to_string();
         assert!(message(folder.path(), Gender::Female).contains("SMPLX_FEMALE.npz or SMPLX_FEMALE.pkl"));
         let path = folder.path().join("SMPLX_MALE.npz");
+        std::fs::write(&path, b"").unwrap();
         assert!(message(&path, Gender::Female).contains("a male model by its name"));
     }
 }

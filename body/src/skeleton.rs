@@ -212,7 +212,8 @@ mod tests {
             change(&mut skeleton);
             skeleton.check().unwrap_err().to_string()
         };
-        let expected: [(fn(&mut Skeleton), &str); 9] = [
+        type Change = fn(&mut Skeleton);
+        let expected: [(Change, &str); 9] = [
             (|skeleton| skeleton.joints.clear(), "0 joints in 4 parts"),
             (|skeleton| skeleton.parents.truncate(54), "number of parents is 54, expected 55"),
             (|skeleton| skeleton.joints[3] = "pelvis".into(), "pelvis, twice"),

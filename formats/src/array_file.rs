@@ -130,13 +130,11 @@ fn is_zlib(bytes: &[u8]) -> bool {
     matches!(bytes, [0x78, second, ..] if (0x7800 + u16::from(*second)) % 31 == 0)
 }
 
-/// Whether bytes begin like a pickle: with a protocol, or, before there were any, with a container.
+/// Whether bytes begin like a pickle: with a protocol, or, before there were any, with a container, or with a
+/// name and up to the mark that ends it.
 fn is_pickle(bytes: &[u8]) -> bool {
     matches!(bytes, [0x80, 0..=5, ..] | [b'(', b'd' | b'l' | b'i' | b'c', ..] | [b'}' | b']', b'q' | b'p', ..])
-        || bytes.starts_with(b"c__builtin__")
-        || bytes.starts_with(b"ccopy_reg")
-        || bytes.starts_with(b"ccollections")
-        || bytes.starts_with(b"cnumpy")
+        || matches!(bytes, [b'c', .., b'.'])
 }
 
 fn unpacked(packed: impl Read, budget: &Budget) -> std::result::Result<Vec<u8>, Fault> {

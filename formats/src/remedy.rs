@@ -9,7 +9,11 @@ use crate::shown::Shown;
 
 /// What a user can do.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Remedy {
+pub struct Remedy(Box<Content>);
+
+/// Behind a pointer: every result that may be an error carries its size.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Content {
     words: String,
     choice: Option<Choice>,
 }
@@ -40,28 +44,28 @@ pub enum Choice {
 impl Remedy {
     /// Words for a choice that a caller has.
     pub fn choosing(choice: Choice, words: impl Into<String>) -> Self {
-        Self { words: words.into(), choice: Some(choice) }
+        Self(Box::new(Content { words: words.into(), choice: Some(choice) }))
     }
 
     /// What to do, in words.
     pub fn words(&self) -> &str {
-        &self.words
+        &self.0.words
     }
 
     /// The choice that does it, if it is one.
     pub fn choice(&self) -> Option<Choice> {
-        self.choice
+        self.0.choice
     }
 }
 
 impl<W: Into<String>> From<W> for Remedy {
     fn from(words: W) -> Self {
-        Self { words: words.into(), choice: None }
+        Self(Box::new(Content { words: words.into(), choice: None }))
     }
 }
 
 impl fmt::Display for Remedy {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        Shown(&self.words).fmt(formatter)
+        Shown(&self.0.words).fmt(formatter)
     }
 }

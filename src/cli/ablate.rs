@@ -2,17 +2,16 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
 use xavatar::config::Config;
 use xavatar::data::CheckedFrames;
-use xavatar::evaluate::{Ablation, AblationRow, AblationTable};
-use xavatar::train::TrainingFrames;
+use xavatar::runs::{Ablation, Batch, Run, RunRow, RunTable, Variant, Yardstick};
+use xavatar::train::TrainingSpec;
 
-use super::inputs::{AcceptArguments, Split, SubjectArguments, SubjectFrames};
+use super::inputs::{AcceptArguments, Split, SubjectArguments};
 use super::json::JsonArgument;
-use super::measured_run::{MeasuredRun, RunMetrics, Yardstick};
+use super::measured_run::finish;
 use super::training::TrainingArguments;
-use super::{Outcome, WrongUsage, outputs, stop};
+use super::{Outcome, WrongUsage, stop};
 
 /// Train and measure the method without one part after another (table 5.1 of the thesis)
 ///
@@ -43,39 +42,30 @@ pub struct Ablate {
 }
 
 impl Ablate {
-    const JSON: &str = "ablations.json";
-    const MARKDOWN: &str = "ablations.md";
-
     pub fn run(self) -> anyhow::Result<Outcome> {
         let variants = Ablation::ALL.map(|ablation| self.configuration(ablation).map(|config| (ablation, config)));
         let variants: Vec<_> = variants.into_iter().collect::<Result<_, _>>().map_err(WrongUsage::from)?;
-        self.refuse_other_folders(&variants)?;
+        let runs: Vec<_> = variants.iter().map(|(ablation, config)| (ablation.folder().to_owned(), config)).collect();
+        let batch = Batch::open(&self.out, "ablations", &runs, &[])?;
         self.json.check()?;
         let opened = self.subject.open()?;
-        outputs::existing_folder(&self.out)?;
         let stop = stop::on_interrupt()?;
-        let scans = SubjectFrames::new(&opened.subject, &opened.subject.train);
-        let frames = CheckedFrames::new(&scans, &opened.body, self.accepted.defects());
-        let yardstick = Yardstick {
-            body: &opened.body,
-            labels: &opened.labels,
-            scans: &SubjectFrames::new(&opened.subject, self.split.files(&opened.subject)),
-            split: self.split,
-            resolution: self.resolution,
-        };
-        let mut table = AblationTable::default();
+        let split = self.split.into();
+        let (training, scans) = (opened.subject.training_frames(), opened.subject.frames(split));
+        let source = CheckedFrames::new(&training, &opened.body, self.accepted.defects());
+        let yardstick = Yardstick { scans: &scans, split, resolution: self.resolution };
+        let mut table = RunTable::default();
         for (ablation, config) in &variants {
-            let run = self.variant(*ablation, config);
-            let Some(measured) = run.finish(TrainingFrames::Scans(&frames), &yardstick, stop)? else {
+            let spec = TrainingSpec { config, source: &source, body: &opened.body, labels: &opened.labels };
+            let run = Run::open(&batch.folder_of(ablation.folder()), spec)?;
+            let Some(metrics) = finish(&run, ablation.name(), &yardstick, stop)? else {
                 log::info!("stopped; the same command again goes on");
                 return Ok(Outcome::Stopped);
             };
-            let RunMetrics { steps, seconds_per_step, frames, mean } = measured;
-            table.rows.push(AblationRow { ablation: *ablation, steps, seconds_per_step, frames, mean });
-            outputs::write_json(&self.out.join(Self::JSON), &table)?;
-            outputs::write_text(&self.out.join(Self::MARKDOWN), &table.markdown())?;
+            table.rows.push(RunRow { key: Variant { ablation: *ablation }, metrics });
+            batch.write(&table)?;
         }
-        self.json.print(&table, &format!("{table}{}", self.out.join(Self::JSON).display()))?;
+        self.json.print(&table, &format!("{table}{}", batch.json().display()))?;
         Ok(Outcome::Done)
     }
 
@@ -85,26 +75,5 @@ impl Ablate {
             self.training.preset(),
             &self.training.settings().into_iter().chain(own).collect::<Vec<_>>(),
         )
-    }
-
-    /// Refuses a folder with anything else in it, or with runs of other settings.
-    fn refuse_other_folders(&self, variants: &[(Ablation, Config)]) -> anyhow::Result<()> {
-        if outputs::is_new_or_empty(&self.out)? {
-            return Ok(());
-        }
-        for entry in std::fs::read_dir(&self.out).with_context(|| self.out.display().to_string())? {
-            let name = entry?.file_name();
-            let own = [Self::JSON, Self::MARKDOWN].into_iter().chain(Ablation::ALL.map(Ablation::folder));
-            // A call that was killed may have left a partial file.
-            let is_partial = name.to_string_lossy().starts_with(".partial-");
-            if !is_partial && !own.into_iter().any(|own| name == own) {
-                bail!("{}: the folder is not empty, and not of ablations; give a new --out", self.out.display());
-            }
-        }
-        variants.iter().try_for_each(|(ablation, config)| self.variant(*ablation, config).refuse_other_settings())
-    }
-
-    fn variant<'a>(&self, ablation: Ablation, config: &'a Config) -> MeasuredRun<'a> {
-        MeasuredRun { name: ablation.name().into(), folder: self.out.join(ablation.folder()), config }
     }
 }

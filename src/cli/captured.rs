@@ -3,10 +3,10 @@
 use clap::ValueEnum;
 use xavatar::body::{BodyModel, PartLabels};
 use xavatar::config::{Config, preset_for_rgbd};
-use xavatar::data::{CheckedFrames, RgbdFrames, RgbdSubject, Subject};
-use xavatar::train::TrainingFrames;
+use xavatar::data::{CaptureKind, CapturedSubject, CheckedFrames, Source};
+use xavatar::train::TrainingSpec;
 
-use super::inputs::{AcceptArguments, Registered, SubjectArguments, SubjectFrames, load_body};
+use super::inputs::{AcceptArguments, SubjectArguments, load_body};
 
 /// A kind of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -20,10 +20,9 @@ pub enum Kind {
 impl Kind {
     /// The kind that was asked for; else scans, unless the folder has only RGB-D frames.
     pub fn of(subject: &SubjectArguments, asked: Option<Self>) -> Self {
-        let has_scans = || Subject::open(&subject.data).is_ok_and(|subject| subject.has_scans());
         match asked {
             Some(kind) => kind,
-            None if RgbdSubject::is_in(&subject.data) && !has_scans() => Self::Rgbd,
+            None if CapturedSubject::has_only_rgbd(&subject.data) => Self::Rgbd,
             None => Self::Scans,
         }
     }
@@ -42,47 +41,37 @@ impl Kind {
     }
 }
 
-/// Training frames with the body that they are registered with.
+impl From<Kind> for CaptureKind {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Scans => Self::Scans,
+            Kind::Rgbd => Self::Rgbd,
+        }
+    }
+}
+
+/// Training captures with the body that they are registered with.
 pub struct Captured {
-    frames: Frames,
+    source: Box<dyn Source>,
     pub body: BodyModel,
     pub labels: PartLabels,
 }
 
-enum Frames {
-    Scans(SubjectFrames),
-    Rgbd(RgbdFrames),
-}
-
 impl Captured {
-    /// Finds a subject's training frames of one kind.
+    /// Finds a subject's training captures of one kind.
     pub fn open(arguments: &SubjectArguments, kind: Kind) -> xavatar::Result<Self> {
-        match kind {
-            Kind::Scans => {
-                let Registered { subject, body, labels } = arguments.open()?;
-                Ok(Self { frames: Frames::Scans(SubjectFrames::new(&subject, &subject.train)), body, labels })
-            }
-            Kind::Rgbd => {
-                let subject = RgbdSubject::open(&arguments.data)?;
-                let (body, labels) = load_body(&arguments.body, subject.gender)?;
-                Ok(Self { frames: Frames::Rgbd(subject.training_frames()), body, labels })
-            }
-        }
+        let subject = CapturedSubject::open(&arguments.data, kind.into())?;
+        let (body, labels) = load_body(&arguments.body, subject.gender())?;
+        Ok(Self { source: subject.training(&body)?, body, labels })
     }
 
-    /// Scans that are looked at as they are read; none for RGB-D frames.
-    pub fn checked(&self, accepted: &AcceptArguments) -> Option<CheckedFrames<'_>> {
-        match &self.frames {
-            Frames::Scans(frames) => Some(CheckedFrames::new(frames, &self.body, accepted.defects())),
-            Frames::Rgbd(_) => None,
-        }
+    /// The captures, of which scans are looked at as they are read.
+    pub fn checked(&self, accepted: &AcceptArguments) -> CheckedFrames<'_> {
+        CheckedFrames::new(self.source.as_ref(), &self.body, accepted.defects())
     }
 
-    /// The frames, for a trainer.
-    pub fn frames(&self) -> TrainingFrames<'_> {
-        match &self.frames {
-            Frames::Scans(frames) => TrainingFrames::Scans(frames),
-            Frames::Rgbd(frames) => TrainingFrames::Rgbd(frames),
-        }
+    /// All that a run on `source` takes.
+    pub fn spec<'a>(&'a self, config: &'a Config, source: &'a dyn Source) -> TrainingSpec<'a> {
+        TrainingSpec { config, source, body: &self.body, labels: &self.labels }
     }
 }

@@ -7,15 +7,16 @@ use anyhow::{Context, bail};
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::Gender;
 use xavatar::config::Config;
-use xavatar::data::{ScanFrame, write_subject};
+use xavatar::data::{ScanFrame, Source, write_subject};
 use xavatar::evaluate::{Evaluation, SmplxD};
 use xavatar::formats::{write_npz, write_pickle};
 use xavatar::mesh::{TriangleMesh, write_ply};
 use xavatar::render::write_png;
 use xavatar::report::{Fact, REPORT_FILE, Report, machine};
+use xavatar::runs::{Ending, Run};
 use xavatar::synthetic::{BuiltInSubject, FilmedTake, Split};
 use xavatar::synthetic::{FilmedScans, Turntable};
-use xavatar::train::{Ending, Trainer, TrainingFrames};
+use xavatar::train::TrainingSpec;
 
 use super::gallery::{Gallery, sheet_of_pictures};
 use super::json::JsonArgument;
@@ -102,28 +103,26 @@ impl Demo {
         let scans = subject.film(Split::Train, size.training_frames)?;
         let table = Turntable { size: size.filmed, steps_per_turn: size.training_frames as u32 };
         let pictures = if self.rgbd { Some(FilmedScans::new(&scans, table)?) } else { None };
-        let frames = match &pictures {
-            Some(pictures) => TrainingFrames::Rgbd(pictures),
-            None => TrainingFrames::Scans(&scans),
+        let source: &dyn Source = match &pictures {
+            Some(pictures) => pictures,
+            None => &scans,
         };
         let stop = stop::on_interrupt()?;
         let (body, labels) = (subject.model(), subject.part_labels());
         let mut progress = Progress::new();
         let config = if resumes {
             log::info!("going on with the demo in {}", self.out.display());
-            Trainer::configuration(&self.out)?
+            Run::configuration(&self.out)?
         } else {
             let settings = size.settings.iter().map(|(key, value)| (key.to_string(), value.to_string()));
             Config::preset_with(self.preset(), &settings.collect::<Vec<_>>())?
         };
-        let begin = if resumes { Trainer::resume } else { Trainer::start };
-        let mut trainer = begin(&config, frames, body, labels, &self.out, &mut progress)?;
+        let run = Run::open(&self.out, TrainingSpec { config: &config, source, body, labels })?;
         if let Some(pictures) = &pictures {
             write_png(self.out.join("pictures.png"), &sheet_of_pictures(pictures, size.picture)?)?;
         }
-        let trained = trainer.run(stop, &mut progress)?;
-        let shown = match trained {
-            Ending::Finished => self.show(&trainer.avatar()?, &subject, &scans, size, stop, &mut progress)?,
+        let shown = match run.train(stop, &mut progress)? {
+            Ending::Finished => self.show(&run.avatar()?, &subject, &scans, size, stop, &mut progress)?,
             Ending::Stopped => Ending::Stopped,
         };
         match shown {

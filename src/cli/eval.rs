@@ -6,10 +6,11 @@ use anyhow::Context;
 use clap::ValueEnum;
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::Pose;
+use xavatar::data::Source;
 use xavatar::evaluate::{Evaluation, SmplxD};
 use xavatar::report::{REPORT_FILE, Report, machine};
 
-use super::inputs::{Split, SubjectArguments, SubjectFrames};
+use super::inputs::{Split, SubjectArguments};
 use super::json::JsonArgument;
 use super::progress::Progress;
 use super::{Outcome, outputs, report};
@@ -56,12 +57,11 @@ impl Eval {
         let avatar = Avatar::load(&self.avatar)?;
         let opened = self.subject.open()?;
         let subject = &opened.subject;
-        let files = self.split.files(subject);
-        let frames = SubjectFrames::new(subject, files);
+        let frames = subject.frames(self.split.into());
         let baseline = match self.baseline {
             Some(Baseline::SmplxD) => {
                 log::info!("learning the baseline from {} training frames", subject.train.len());
-                Some(SmplxD::fit(&opened.body, SubjectFrames::new(subject, &subject.train).iter())?)
+                Some(SmplxD::fit(&opened.body, subject.training_frames().iter())?)
             }
             None => None,
         };
@@ -74,7 +74,7 @@ impl Eval {
         };
         let animator = Animator::new(&avatar, &opened.body, &opened.labels)?;
         let mut progress = Progress::new();
-        let (mut done, total) = (0, files.len());
+        let (mut done, total) = (0, frames.ids().len());
         let predict = |pose: &Pose| Ok::<_, xavatar::Error>(animator.extract(pose, self.resolution)?.mesh);
         let measured = evaluation.run(
             frames.iter(),
@@ -89,7 +89,8 @@ impl Eval {
         self.json.print(&measured, &measured)?;
         let Some(page) = self.page() else { return Ok(Outcome::Done) };
         let shown = report::best_and_worst(&measured, |name| {
-            let frame = frames.named(name).context("a frame that was just measured is gone")??;
+            let place = frames.place(name).context("a frame that was just measured is gone")?;
+            let frame = frames.scan(place)?;
             let mesh = predict(&opened.body.resolve(&frame.parameters)?)?;
             Ok((frame, mesh))
         })?;

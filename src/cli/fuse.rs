@@ -2,22 +2,21 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
 use image::RgbImage;
 use xavatar::body::Role;
 use xavatar::config::Config;
-use xavatar::data::{RgbdSource, RgbdSubject};
-use xavatar::evaluate::{FusionRow, FusionTable, SomeFrames, turned};
+use xavatar::data::{RgbdSubject, Source};
 use xavatar::render::{Plot, Series, write_png};
-use xavatar::train::TrainingFrames;
+use xavatar::runs::{Batch, Run, RunRow, RunTable, SomeCaptures, Turn, Yardstick, turned};
+use xavatar::train::TrainingSpec;
 
 use super::captured::Kind;
-use super::inputs::{Registered, Split, SubjectArguments, SubjectFrames};
+use super::inputs::{Registered, Split, SubjectArguments};
 use super::json::JsonArgument;
-use super::measured_run::{MeasuredRun, RunMetrics, Yardstick};
+use super::measured_run::finish;
 use super::progress::Progress;
 use super::training::TrainingArguments;
-use super::{Outcome, WrongUsage, outputs, stop};
+use super::{Outcome, WrongUsage, stop};
 
 /// Train on more and more of the camera's turn around the subject, and measure how the error falls
 ///
@@ -52,8 +51,6 @@ pub struct Fuse {
 }
 
 impl Fuse {
-    const JSON: &str = "fusion.json";
-    const MARKDOWN: &str = "fusion.md";
     const PLOT: &str = "fusion.png";
 
     pub fn run(mut self) -> anyhow::Result<Outcome> {
@@ -61,80 +58,57 @@ impl Fuse {
         self.turns.dedup();
         let preset = Kind::Rgbd.preset(self.training.preset());
         let config = Config::preset_with(preset, &self.training.settings()).map_err(WrongUsage::from)?;
-        let runs: Vec<_> = self.turns.iter().map(|turn| (*turn, self.run_of(*turn, &config))).collect();
-        self.refuse_other_folders(&runs)?;
+        let runs: Vec<_> = self.turns.iter().map(|turn| (folder_of(*turn), &config)).collect();
         self.json.check()?;
         let Registered { subject, body, labels } = self.subject.open()?;
         let source = RgbdSubject::open(&self.subject.data)?.training_frames();
-        outputs::existing_folder(&self.out)?;
+        let batch = Batch::open(&self.out, "fusion", &runs, &[Self::PLOT])?;
         let stop = stop::on_interrupt()?;
-        let yardstick = Yardstick {
-            body: &body,
-            labels: &labels,
-            scans: &SubjectFrames::new(&subject, self.split.files(&subject)),
-            split: self.split,
-            resolution: self.resolution,
-        };
+        let split = self.split.into();
+        let yardstick = Yardstick { scans: &subject.frames(split), split, resolution: self.resolution };
         let mut progress = Progress::new();
         let total = source.ids().len();
-        let turned = turned(&source, |done| {
+        let picture = |index: usize| source.picture(index);
+        let turned = turned(source.ids(), picture, |done| {
             progress.show("cameras", done as f64 / total as f64, &format!("{done} of {total} read"));
         })?;
         progress.finish();
-        let smallest = SomeFrames::within(&source, &turned, self.turns[0], None)?.ids().len();
-        let mut table = FusionTable::default();
-        for (turn, run) in &runs {
-            let frames = SomeFrames::within(&source, &turned, *turn, self.equal_frames.then_some(smallest))?;
-            let trained_on = frames.ids().len();
-            let Some(measured) = run.finish(TrainingFrames::Rgbd(&frames), &yardstick, stop)? else {
+        let smallest = SomeCaptures::within(&source, &turned, self.turns[0], None)?.ids().len();
+        let mut table = RunTable::default();
+        for &turn in &self.turns {
+            let captures = SomeCaptures::within(&source, &turned, turn, self.equal_frames.then_some(smallest))?;
+            let spec = TrainingSpec { config: &config, source: &captures, body: &body, labels: &labels };
+            let run = Run::open(&batch.folder_of(&folder_of(turn)), spec)?;
+            let Some(metrics) = finish(&run, &format!("{turn} degrees"), &yardstick, stop)? else {
                 log::info!("stopped; the same command again goes on");
                 return Ok(Outcome::Stopped);
             };
-            let RunMetrics { steps, seconds_per_step, frames, mean } = measured;
-            table.rows.push(FusionRow { turn: *turn, trained_on, steps, seconds_per_step, frames, mean });
-            outputs::write_json(&self.out.join(Self::JSON), &table)?;
-            outputs::write_text(&self.out.join(Self::MARKDOWN), &table.markdown())?;
+            table.rows.push(RunRow { key: Turn { turn, trained_on: captures.ids().len() }, metrics });
+            batch.write(&table)?;
         }
         let plot = self.out.join(Self::PLOT);
-        write_png(&plot, &picture(&table)?)?;
-        let files = format!("{}\n{}", self.out.join(Self::JSON).display(), plot.display());
+        write_png(&plot, &picture_of(&table)?)?;
+        let files = format!("{}\n{}", batch.json().display(), plot.display());
         self.json.print(&table, &format!("{table}{files}"))?;
         Ok(Outcome::Done)
     }
+}
 
-    fn run_of<'a>(&self, turn: f64, config: &'a Config) -> MeasuredRun<'a> {
-        MeasuredRun { name: format!("{turn} degrees"), folder: self.out.join(format!("turn-{turn}")), config }
-    }
-
-    /// Refuses a folder with anything else in it, or with runs of other settings.
-    fn refuse_other_folders(&self, runs: &[(f64, MeasuredRun)]) -> anyhow::Result<()> {
-        if outputs::is_new_or_empty(&self.out)? {
-            return Ok(());
-        }
-        for entry in std::fs::read_dir(&self.out).with_context(|| self.out.display().to_string())? {
-            let name = entry?.file_name();
-            let own = [Self::JSON, Self::MARKDOWN, Self::PLOT];
-            let is_run = runs.iter().any(|(_, run)| run.folder.file_name() == Some(&name));
-            // A call that was killed may have left a partial file.
-            let is_partial = name.to_string_lossy().starts_with(".partial-");
-            if !is_partial && !is_run && !own.iter().any(|own| name == *own) {
-                bail!("{}: the folder is not empty, and not of these turns; give a new --out", self.out.display());
-            }
-        }
-        runs.iter().try_for_each(|(_, run)| run.refuse_other_settings())
-    }
+fn folder_of(turn: f64) -> String {
+    format!("turn-{turn}")
 }
 
 /// The chamfer distances of the table as lines.
-fn picture(table: &FusionTable) -> xavatar::formats::Result<RgbImage> {
+fn picture_of(table: &RunTable<Turn>) -> xavatar::formats::Result<RgbImage> {
     let parts = [("all", None), ("hands", Some(Role::Hands)), ("face", Some(Role::Face))];
-    let has = |role: Role| table.rows.iter().any(|row| row.mean.by_role.contains_key(&role));
+    let has = |role: Role| table.rows.iter().any(|row| row.metrics.mean.by_role.contains_key(&role));
     let series = parts.into_iter().filter(|(_, role)| role.is_none_or(has)).map(|(name, role)| Series {
         name: name.into(),
         points: table
             .rows
             .iter()
-            .map(|row| (row.turn, role.map_or(row.mean.all, |role| row.mean.of(role))))
+            .map(|row| (row.key.turn, &row.metrics.mean))
+            .map(|(turn, mean)| (turn, role.map_or(mean.all, |role| mean.of(role))))
             .map(|(turn, metrics)| (turn, metrics.map_or(f64::NAN, |metrics| metrics.cd_mm)))
             .collect(),
     });

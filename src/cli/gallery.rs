@@ -5,11 +5,12 @@ use std::path::Path;
 use glam::Vec3;
 use image::imageops::{FilterType, resize};
 use image::{Rgb, RgbImage};
-use xavatar::data::{RgbdFrame, RgbdSource};
+use xavatar::data::{RgbdFrame, Source};
 use xavatar::formats::Result;
 use xavatar::mesh::TriangleMesh;
 use xavatar::mesh::camera::{FRONT, THREE_QUARTER, framing_row};
 use xavatar::render::{Scene, Tile, View, contact_sheet, write_png};
+use xavatar::synthetic::FilmedScans;
 
 /// Meshes that are pictured on one sheet, all at the same scale.
 pub struct Gallery {
@@ -66,10 +67,10 @@ fn lit(mesh: &TriangleMesh) -> Result<Scene<'_>> {
 const SHOWN: usize = 6;
 
 /// What the RGB-D camera took: colours above depths, evenly spread over the take.
-pub fn sheet_of_pictures(source: &dyn RgbdSource, height: u32) -> Result<RgbImage> {
+pub fn sheet_of_pictures(source: &FilmedScans, height: u32) -> Result<RgbImage> {
     let count = source.ids().len();
     let shown: Result<Vec<_>> =
-        (0..count).step_by(count.div_ceil(SHOWN).max(1)).map(|index| source.read(index)).collect();
+        (0..count).step_by(count.div_ceil(SHOWN).max(1)).map(|index| source.picture(index)).collect();
     let scaled = |picture: &RgbImage| {
         let width = (picture.width() * height / picture.height().max(1)).max(1);
         resize(picture, width, height, FilterType::Triangle)

@@ -1,13 +1,12 @@
-//! What several verbs take: a subject's folder with the body model that fits it, and frames to be read on demand.
+//! What several verbs take: a subject's folder with the body model that fits it.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::ValueEnum;
-use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
 use xavatar::body::{BodyModel, Gender, PartLabels};
-use xavatar::data::{Defect, FrameFiles, FrameId, FrameSource, ScanFrame, Subject, read_frame};
+use xavatar::data::{self, Defect, Subject};
 use xavatar::synthetic::BuiltInSubject;
 
 use super::WrongUsage;
@@ -39,8 +38,7 @@ impl AcceptArguments {
 }
 
 /// Frames of a subject that are measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Split {
     Train,
     Test,
@@ -53,11 +51,13 @@ impl Split {
             Self::Test => "test",
         }
     }
+}
 
-    pub fn files(self, subject: &Subject) -> &[FrameFiles] {
-        match self {
-            Self::Train => &subject.train,
-            Self::Test => &subject.test,
+impl From<Split> for data::Split {
+    fn from(split: Split) -> Self {
+        match split {
+            Split::Train => Self::Train,
+            Split::Test => Self::Test,
         }
     }
 }
@@ -106,58 +106,4 @@ pub fn built_in_body(avatar: &Avatar) -> anyhow::Result<Option<(BodyModel, PartL
     let is_same = joints.len() == avatar.subject.joints.len()
         && joints.iter().zip(&avatar.subject.joints).all(|(joint, own)| joint.distance(*own) < SAME_JOINT);
     Ok(is_same.then(|| (subject.model().clone(), subject.part_labels().clone())))
-}
-
-/// Frames of a subject, read when they are asked for.
-pub struct SubjectFrames {
-    files: Vec<FrameFiles>,
-    ids: Vec<FrameId>,
-    betas: Vec<f32>,
-    gender: Gender,
-}
-
-impl SubjectFrames {
-    /// The frames of one split.
-    pub fn new(subject: &Subject, files: &[FrameFiles]) -> Self {
-        Self {
-            files: files.to_vec(),
-            ids: files.iter().map(|files| files.id.clone()).collect(),
-            betas: subject.betas.clone(),
-            gender: subject.gender,
-        }
-    }
-
-    /// The frame of this name (`split/sequence/number`), if there is one.
-    pub fn named(&self, name: &str) -> Option<xavatar::formats::Result<ScanFrame>> {
-        let index = self.ids.iter().position(|id| id.to_string() == name)?;
-        Some(self.read(index))
-    }
-
-    /// How many there are.
-    pub fn len(&self) -> usize {
-        self.files.len()
-    }
-
-    /// All frames, one at a time.
-    pub fn iter(&self) -> impl Iterator<Item = xavatar::formats::Result<ScanFrame>> {
-        (0..self.files.len()).map(|index| self.read(index))
-    }
-}
-
-impl FrameSource for SubjectFrames {
-    fn ids(&self) -> &[FrameId] {
-        &self.ids
-    }
-
-    fn read(&self, index: usize) -> xavatar::formats::Result<ScanFrame> {
-        read_frame(&self.files[index], &self.betas)
-    }
-
-    fn betas(&self) -> &[f32] {
-        &self.betas
-    }
-
-    fn gender(&self) -> Gender {
-        self.gender
-    }
 }

@@ -26,7 +26,7 @@ impl Manual {
         command.build();
         self.write(&command)?;
         command.get_subcommands().try_for_each(|verb| self.write(verb))?;
-        println!("{}", self.out.display());
+        outputs::print(&format!("{}\n", self.out.display()))?;
         Ok(Outcome::Done)
     }
 

@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use xavatar::formats::Shown;
-use xavatar::train::{Event, Observer, Stage, StepRecord};
+use xavatar::runs::{Event, Observer};
+use xavatar::train::{Stage, StepRecord};
 
 use super::messages::{self, BARS, ProgressLine};
 
@@ -91,6 +92,9 @@ impl Observer for Progress {
                     Stage::Pretraining => self.show("body", share(*step, steps.unwrap_or(*step)), &message),
                     Stage::Frames => self.show("avatar", progress, &message),
                 }
+            }
+            Event::Measured { done, total, frame } => {
+                self.show("measuring", share(done as u64, total as u64), frame);
             }
             Event::Checkpoint { .. } => {}
             Event::Preview { path } => log::info!("preview: {}", path.display()),

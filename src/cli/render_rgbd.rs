@@ -4,10 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use serde::Serialize;
-use xavatar::data::{DepthFormat, RgbdLayout, RgbdSource, Subject, write_rgbd_subject};
+use xavatar::data::{DepthFormat, RgbdLayout, ScanFrames, Source, Subject, write_rgbd_subject};
 use xavatar::synthetic::{FilmedScans, Turntable};
 
-use super::inputs::SubjectFrames;
 use super::json::JsonArgument;
 use super::progress::Progress;
 use super::{Outcome, outputs};
@@ -78,13 +77,13 @@ impl RenderRgbd {
             (Layout::Plain, Depth::Exr) => RgbdLayout::Plain(DepthFormat::Exr),
         };
         let table = Turntable { steps_per_turn: self.steps_per_turn, ..Turntable::default() };
-        let scans = SubjectFrames::new(&subject, &[&subject.train[..], &subject.test[..]].concat());
+        let scans = ScanFrames::new(&subject, &[&subject.train[..], &subject.test[..]].concat());
         let filmed = FilmedScans::new(&scans, table)?;
         let total = filmed.ids().len();
         let mut progress = Progress::new();
         let frames = (0..total).map(|index| {
             progress.show("filming", index as f64 / total as f64, &format!("{index} of {total} frames"));
-            filmed.read(index)
+            filmed.picture(index)
         });
         write_rgbd_subject(&self.out, layout, subject.gender, &subject.betas, frames)?;
         progress.finish();

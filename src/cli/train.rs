@@ -6,7 +6,7 @@ use anyhow::bail;
 use xavatar::avatar::Avatar;
 use xavatar::config::Config;
 use xavatar::report::{REPORT_FILE, Report, machine};
-use xavatar::train::{Ending, Trainer, TrainingFrames};
+use xavatar::runs::{Ending, Run};
 
 use super::captured::{Captured, Kind};
 use super::inputs::{AcceptArguments, SubjectArguments};
@@ -54,11 +54,9 @@ impl Train {
         let stop = stop::on_interrupt()?;
         let mut progress = Progress::new();
         log::info!("part labels: {}", opened.labels.source);
-        let checked = opened.checked(&self.accepted);
-        let frames = checked.as_ref().map_or_else(|| opened.frames(), |checked| TrainingFrames::Scans(checked));
-        let begin = if self.resume { Trainer::resume } else { Trainer::start };
-        let mut trainer = begin(&config, frames, &opened.body, &opened.labels, &self.out, &mut progress)?;
-        let ending = trainer.run(stop, &mut progress)?;
+        let source = opened.checked(&self.accepted);
+        let run = Run::open(&self.out, opened.spec(&config, &source))?;
+        let ending = run.train(stop, &mut progress)?;
         progress.finish();
         let (data, body, out) = (self.subject.data.display(), self.subject.body.display(), self.out.display());
         if ending == Ending::Stopped {
@@ -66,7 +64,7 @@ impl Train {
             return Ok(Outcome::Stopped);
         }
         outputs::print(&format!("{}\n", self.out.join(Avatar::FILE).display()))?;
-        let report = self.write_report(&trainer.avatar()?, &opened)?;
+        let report = self.write_report(&run.avatar()?, &opened)?;
         log::info!("report: {}", report.display());
         log::info!(
             "try next\n  xavatar eval {out} {data} --body {body} --split test --baseline smplx+d\n  \
@@ -108,7 +106,7 @@ impl Train {
 
     /// The run's own. Settings other than those that it was started with are refused: they would have no effect.
     fn configuration_of_run(&self) -> anyhow::Result<Config> {
-        let run = Trainer::configuration(&self.out)?;
+        let run = Run::configuration(&self.out)?;
         let kind = Kind::of_run(&run);
         if self.from.is_some_and(|from| from != kind) {
             wrong_usage!(

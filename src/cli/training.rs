@@ -21,7 +21,7 @@ pub struct TrainingArguments {
     /// Override any setting of the preset (see config.toml in a run); may be given again
     #[arg(long = "set", value_name = "key=value", value_parser = setting)]
     settings: Vec<(String, String)>,
-    /// Leave out frames that cannot be read, and list them, instead of stopping at the first
+    /// Leave out frames that cannot be read or have a fault that is not accepted, and list them, instead of stopping at the first
     #[arg(long)]
     skip_bad_frames: bool,
 }

@@ -2,17 +2,13 @@
 //!
 //! Frames are streamed: one scan is in memory at a time. Random numbers depend on the seed and the frame's place alone.
 
-mod ablation;
-mod fusion;
 mod metrics;
 mod overlap;
-mod part_columns;
 mod report;
 mod smplx_d;
 
-pub use ablation::{Ablation, AblationRow, AblationTable};
-pub use fusion::{FusionRow, FusionTable, SomeFrames, turned};
 pub use metrics::{FrameMetrics, PartMetrics, Parts, compare};
+pub(crate) use report::row_name;
 pub use report::{FrameReport, Report};
 pub use smplx_d::{SMPLX_D, SmplxD};
 

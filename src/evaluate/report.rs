@@ -76,7 +76,7 @@ fn roles<'a>(mut frames: impl Iterator<Item = &'a FrameMetrics>) -> impl Iterato
 }
 
 /// The name of a role's row.
-pub(super) fn row_name(role: Role) -> &'static str {
+pub(crate) fn row_name(role: Role) -> &'static str {
     match role {
         Role::Body => "Body",
         Role::Hands => "Hands",

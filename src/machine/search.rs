@@ -9,8 +9,9 @@ use super::Seconds;
 use crate::avatar::Avatar;
 use crate::config::{Config, SearchedField, Starts};
 use crate::fields::{PosedWarp, bone_rows, start_groups};
+use crate::runs::{Event, Run};
 use crate::synthetic::{BuiltInSubject, Split};
-use crate::train::{Event, Trainer, TrainingFrames};
+use crate::train::TrainingSpec;
 use crate::{InputError, Result};
 
 /// The avatar of a posed body, and points to search for.
@@ -57,11 +58,9 @@ impl PosedSubject {
         let subject = BuiltInSubject::new()?;
         let folder = tempfile::tempdir().map_err(InputError::io(std::env::temp_dir()))?;
         let (frame, model, labels) = (subject.film(Split::Train, 1)?, subject.model(), subject.part_labels());
-        let mut unwatched = |_: Event<'_>| {};
-        let mut trainer =
-            Trainer::start(&config, TrainingFrames::Scans(&frame), model, labels, folder.path(), &mut unwatched)?;
-        trainer.run(&AtomicBool::new(false), &mut unwatched)?;
-        let avatar = trainer.avatar()?;
+        let run = Run::open(folder.path(), TrainingSpec { config: &config, source: &frame, body: model, labels })?;
+        run.train(&AtomicBool::new(false), &mut |_: Event<'_>| {})?;
+        let avatar = run.avatar()?;
         let pose = model.resolve(&frame.frames()[0].parameters)?;
         let vertices = model.pose(&pose)?.vertices.into_iter().cycle().take(points);
         Ok(Self {

@@ -7,7 +7,8 @@ use super::page::{Curve, Picture};
 use super::picture::data_uri;
 use crate::Result;
 use crate::formats::read_picture;
-use crate::train::{NotedStep, Stage, has_notes, noted_steps, previews};
+use crate::runs::{NotedStep, has_notes, noted_steps, previews};
+use crate::train::Stage;
 
 /// Previews that are shown, evenly spaced over the run.
 const PREVIEWS: usize = 6;

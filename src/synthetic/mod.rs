@@ -5,5 +5,7 @@ mod mannequin;
 mod virtual_camera;
 
 pub use dance::{DANCE, dance, load_clip};
-pub use mannequin::{BuiltInSubject, FilmedTake, Split};
+pub use mannequin::{BuiltInSubject, FilmedTake};
+
+pub use crate::data::Split;
 pub use virtual_camera::{FilmedScans, Turntable, film};

@@ -14,7 +14,9 @@ use glam::Vec3;
 use image::Rgb;
 
 use crate::body::Gender;
-use crate::data::{BACKGROUND, FARTHEST_DEPTH, FrameId, FrameSource, RgbdFrame, RgbdSource, ScanFrame};
+use crate::data::{
+    BACKGROUND, Capture, CaptureKind, FARTHEST_DEPTH, FrameId, RgbdCapture, RgbdFrame, ScanFrame, Source,
+};
 use crate::formats::{Error, Result};
 use crate::mesh::camera::PinholeCamera;
 use crate::render::render_rgbd;
@@ -86,7 +88,7 @@ impl Circle {
 
 /// RGB-D frames of scans, filmed when they are asked for: the same frames under the same names.
 pub struct FilmedScans<'a> {
-    scans: &'a dyn FrameSource,
+    scans: &'a dyn Source,
     table: Turntable,
     /// The circle and step of each frame.
     places: Vec<(Circle, usize)>,
@@ -97,7 +99,7 @@ impl<'a> FilmedScans<'a> {
     ///
     /// # Errors
     /// Those of reading these scans; [`Error::Value`] if the pace or size is impossible.
-    pub fn new(scans: &'a dyn FrameSource, table: Turntable) -> Result<Self> {
+    pub fn new(scans: &'a dyn Source, table: Turntable) -> Result<Self> {
         let mut sequences: BTreeMap<(&str, &str), (Circle, usize)> = BTreeMap::new();
         let mut places = Vec::new();
         for (index, id) in scans.ids().iter().enumerate() {
@@ -105,7 +107,7 @@ impl<'a> FilmedScans<'a> {
             let (circle, step) = match sequences.entry(key) {
                 Entry::Occupied(entry) => entry.into_mut(),
                 Entry::Vacant(entry) => {
-                    let circle = Circle::around(&scans.read(index)?)?;
+                    let circle = Circle::around(&scans.scan(index)?)?;
                     circle.camera(&table, 0)?;
                     entry.insert((circle, 0))
                 }
@@ -117,13 +119,13 @@ impl<'a> FilmedScans<'a> {
     }
 }
 
-impl RgbdSource for FilmedScans<'_> {
-    fn ids(&self) -> &[FrameId] {
-        self.scans.ids()
-    }
-
-    fn read(&self, index: usize) -> Result<RgbdFrame> {
-        let scan = self.scans.read(index)?;
+impl FilmedScans<'_> {
+    /// The whole picture of a frame.
+    ///
+    /// # Errors
+    /// Those of reading the scan, or of filming it, with the frame named.
+    pub fn picture(&self, index: usize) -> Result<RgbdFrame> {
+        let scan = self.scans.scan(index)?;
         let (circle, step) = self.places[index];
         let film = || {
             let camera = circle.camera(&self.table, step)?;
@@ -132,6 +134,20 @@ impl RgbdSource for FilmedScans<'_> {
         let frame = film().map_err(|error| error.in_frame(scan.id.to_string()))?;
         frame.check()?;
         Ok(frame)
+    }
+}
+
+impl Source for FilmedScans<'_> {
+    fn kind(&self) -> CaptureKind {
+        CaptureKind::Rgbd
+    }
+
+    fn ids(&self) -> &[FrameId] {
+        self.scans.ids()
+    }
+
+    fn read(&self, index: usize) -> Result<Capture> {
+        Ok(Capture::Rgbd(Box::new(RgbdCapture::of(self.picture(index)?)?)))
     }
 
     fn betas(&self) -> &[f32] {

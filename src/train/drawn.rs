@@ -11,11 +11,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::Stage;
-use super::camera_sampling;
-use super::canonical_body::CanonicalBody;
 use super::losses::Anchors;
-use super::prepared::{PreparedFrame, Supervision};
-use super::sampling;
+use super::supervision::{CanonicalBody, PreparedFrame};
 use crate::config::Config;
 use crate::data::FrameId;
 use crate::fields::FieldPose;
@@ -85,10 +82,7 @@ impl Order<'_> {
         let Self { place, epoch, frame, canonical, config, follows_weights, mut random } = self;
         let dropped = random.random::<f64>() < config.fields.condition_dropout;
         let condition = if dropped { vec![0.0; frame.pose.condition.len()] } else { frame.pose.condition.clone() };
-        let samples = match &frame.supervision {
-            Supervision::Scan(scan) => sampling::draw(scan, config, &mut random),
-            Supervision::Camera(view) => camera_sampling::draw(view, config, &mut random),
-        };
+        let samples = frame.supervision.draw(config, &mut random);
         let anchors = canonical.anchors(config, follows_weights, &mut random);
         let seconds = begin.elapsed().as_secs_f64();
         Drawn { place, epoch, frame: frame.id.clone(), pose: frame.pose.clone(), condition, samples, anchors, seconds }

@@ -5,16 +5,16 @@ use std::sync::Arc;
 use rand::seq::SliceRandom;
 
 use super::Stage;
-use super::canonical_body::CanonicalBody;
 use super::drawn::{Drawn, Order, generator};
-use super::frame_store::FrameStore;
+use super::frames::Frames;
+use super::supervision::CanonicalBody;
 use crate::Result;
 use crate::config::Config;
 
 /// The endless sequence of frames, from place 0 on.
 pub(super) struct Epochs<'a> {
     pub config: &'a Config,
-    pub frames: FrameStore<'a>,
+    pub frames: Frames<'a>,
     pub canonical: Arc<CanonicalBody<'a>>,
     /// Whether the skinning field is trained towards known weights.
     pub follows_weights: bool,

@@ -14,6 +14,8 @@ use crate::{BodyModel, Correctives};
 /// Vertices of a block: its directions and its vertices of a few frames stay in the second-level cache.
 const BLOCK_VERTICES: usize = 192;
 
+type Points<T> = Vec<[T; 3]>;
+
 /// A model's surface as a batch sees it.
 pub(super) struct Surface<'a, T> {
     model: &'a BodyModel,
@@ -40,12 +42,11 @@ impl<'a, T: Scalar> Surface<'a, T> {
     }
 
     /// The vertices (B, V), and what they were before they were skinned (B, V).
-    pub fn skinned(mut self, chains: &[Chain<T>], batch: &PoseBatch<T>) -> (Vec<[T; 3]>, Vec<[T; 3]>) {
+    pub fn skinned(mut self, chains: &[Chain<T>], batch: &PoseBatch<T>) -> (Points<T>, Points<T>) {
         self.drive(chains, batch);
         let bones: Vec<Vec<Bone<T>>> = chains.iter().map(Chain::bones).collect();
         let count = self.model.vertex_count();
-        let blocks: Vec<(Vec<[T; 3]>, Vec<[T; 3]>)> =
-            self.blocks().map(|first| self.block(first, &bones, batch)).collect();
+        let blocks: Vec<(Points<T>, Points<T>)> = self.blocks().map(|first| self.block(first, &bones, batch)).collect();
         let mut vertices = vec![[T::zero(); 3]; self.frames * count];
         let mut rest = vertices.clone();
         for (block, (posed, unposed)) in blocks.iter().enumerate() {
@@ -122,7 +123,7 @@ impl<'a, T: Scalar> Surface<'a, T> {
         self.rows.iter().flat_map(|(_, direction)| part(direction)).collect()
     }
 
-    fn block(&self, first: usize, bones: &[Vec<Bone<T>>], batch: &PoseBatch<T>) -> (Vec<[T; 3]>, Vec<[T; 3]>) {
+    fn block(&self, first: usize, bones: &[Vec<Bone<T>>], batch: &PoseBatch<T>) -> (Points<T>, Points<T>) {
         let size = BLOCK_VERTICES.min(self.model.vertex_count() - first);
         let template =
             self.model.template()[first..first + size].iter().map(|v| v.to_array().map(|c| T::of(f64::from(c))));

@@ -132,9 +132,9 @@ impl Parameters {
         let one = |name: &str| Ok(rotations::<1>(&numbers(name, 3)?)[0]);
         let fingers = |name: &str| Ok(hand(rotations(&numbers(name, 3 * HAND_JOINTS)?)));
         Ok(Self {
+            global_orient: one("global_orient")?,
             betas: Vec::new(),
             expression: numbers("expression", EXPRESSIONS)?,
-            global_orient: one("global_orient")?,
             body_pose: rotations(&numbers("body_pose", 3 * BODY_JOINTS)?),
             jaw_pose: one("jaw_pose")?,
             left_eye_pose: one("leye_pose")?,

@@ -4,14 +4,15 @@ use std::collections::BTreeSet;
 
 use super::finding::Defect;
 use super::inspection::Inspector;
-use super::judgement::{Looked, described};
-use crate::{FrameId, FrameSource, ScanFrame};
+use super::judgement::Looked;
+use super::wording::described;
+use crate::{Capture, CaptureKind, FrameId, ScanFrame, Source};
 use xavatar_body::{BodyModel, Gender};
 use xavatar_formats::{Choice, Error, Remedy, Result};
 
-/// A source of frames, each of which is refused if something is wrong with it that was not accepted by name.
+/// A source of captures, of which each scan is refused if something is wrong with it that was not accepted by name.
 pub struct CheckedFrames<'a> {
-    source: &'a dyn FrameSource,
+    source: &'a dyn Source,
     body: &'a BodyModel,
     inspector: Inspector<'a>,
     accepted: BTreeSet<Defect>,
@@ -19,7 +20,7 @@ pub struct CheckedFrames<'a> {
 
 impl<'a> CheckedFrames<'a> {
     /// The frames of `source`, whose bodies are those of `body`; defects in `accepted` are let pass.
-    pub fn new(source: &'a dyn FrameSource, body: &'a BodyModel, accepted: impl IntoIterator<Item = Defect>) -> Self {
+    pub fn new(source: &'a dyn Source, body: &'a BodyModel, accepted: impl IntoIterator<Item = Defect>) -> Self {
         Self { source, body, inspector: Inspector::new(body), accepted: accepted.into_iter().collect() }
     }
 
@@ -43,15 +44,21 @@ impl<'a> CheckedFrames<'a> {
     }
 }
 
-impl FrameSource for CheckedFrames<'_> {
+impl Source for CheckedFrames<'_> {
+    fn kind(&self) -> CaptureKind {
+        self.source.kind()
+    }
+
     fn ids(&self) -> &[FrameId] {
         self.source.ids()
     }
 
-    fn read(&self, index: usize) -> Result<ScanFrame> {
-        let frame = self.source.read(index)?;
-        self.inspect(&frame).map_err(|error| error.in_frame(frame.id.to_string()))?;
-        Ok(frame)
+    fn read(&self, index: usize) -> Result<Capture> {
+        let capture = self.source.read(index)?;
+        if let Capture::Scan(frame) = &capture {
+            self.inspect(frame).map_err(|error| error.in_frame(frame.id.to_string()))?;
+        }
+        Ok(capture)
     }
 
     fn betas(&self) -> &[f32] {

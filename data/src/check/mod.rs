@@ -6,16 +6,19 @@
 
 mod alignment;
 mod checked_frames;
+mod common_placement;
 mod distances;
 mod finding;
 mod inspection;
 mod judgement;
+mod limb_fit;
 mod segments;
 mod soundness;
 mod statistics;
 mod surface_points;
 #[cfg(test)]
 mod testing;
+mod wording;
 
 use std::collections::BTreeMap;
 
@@ -87,6 +90,9 @@ pub struct CheckReport {
     pub mend: Option<ScanPlacement>,
 }
 
+/// A frame that was looked at: what was noted of it as it was read, and how far it is from its body where that is measured.
+type Seen = (Looked, Vec<Note>, Option<Distances>);
+
 /// Reads and inspects every frame of a subject. `progress` hears of each frame that is done.
 ///
 /// # Errors
@@ -101,7 +107,7 @@ pub fn check(
     let files: Vec<&FrameFiles> = subject.train.iter().chain(&subject.test).collect();
     let stride = files.len().div_ceil(MEASURED).max(1);
     let inspector = Inspector::new(body);
-    let frames: Vec<Result<(Looked, Vec<Note>, Option<Distances>)>> = files
+    let frames: Vec<Result<Seen>> = files
         .par_iter()
         .enumerate()
         .map(|(place, files)| {

@@ -4,6 +4,8 @@
 
 use glam::Vec3;
 
+use super::surface_points::SurfacePoints;
+
 use xavatar_body::{BodyModel, PosedBody};
 
 /// The limbs, in the order in which they are reported.
@@ -33,7 +35,7 @@ pub(super) struct Limb(usize);
 /// The limbs of a body model.
 pub(super) struct Segments {
     /// The limb of each face (F).
-    pub of_faces: Vec<Limb>,
+    of_faces: Vec<Limb>,
     /// Joints and their parents between which a line lies deep in a limb: the limb, the parent, the joint.
     bones: Vec<(Limb, usize, usize)>,
 }
@@ -103,6 +105,11 @@ impl Segments {
             of_faces: body.faces().iter().map(|face| of_vertices[face[0] as usize]).collect(),
             bones: (0..skeleton.joints.len()).filter_map(bone).collect(),
         }
+    }
+
+    /// The limb of one of the points of a body's surface.
+    pub fn limb_at(&self, body: &SurfacePoints, point: usize) -> Limb {
+        self.of_faces[body.faces[point] as usize]
     }
 
     /// Points inside a posed body, deep in each limb.

@@ -3,7 +3,7 @@
 use image::RgbImage;
 
 use crate::FrameId;
-use xavatar_body::{BodyParameters, Gender};
+use xavatar_body::BodyParameters;
 use xavatar_formats::{Error, Result};
 use xavatar_mesh::camera::PinholeCamera;
 
@@ -86,22 +86,4 @@ impl RgbdFrame {
         }
         Ok(())
     }
-}
-
-/// The RGB-D frames of one split of a subject, in order, read on demand.
-pub trait RgbdSource: Sync {
-    /// The frames there are.
-    fn ids(&self) -> &[FrameId];
-
-    /// Reads the frame at `index` of [`RgbdSource::ids`]; it passes [`RgbdFrame::check`].
-    ///
-    /// # Errors
-    /// [`Error::Frame`] naming the frame, if a file is missing or broken, sizes differ or no depth is valid.
-    fn read(&self, index: usize) -> Result<RgbdFrame>;
-
-    /// The subject's shape.
-    fn betas(&self) -> &[f32];
-
-    /// The subject's gender.
-    fn gender(&self) -> Gender;
 }

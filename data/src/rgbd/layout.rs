@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::cameras::PixelOrigin;
+use crate::Split;
 use xavatar_body::Gender;
 use xavatar_formats::{Error, Result, read_text};
 
@@ -86,13 +87,6 @@ pub(super) struct Sequence {
     pub bodies: PathBuf,
 }
 
-#[derive(Clone, Copy, Deserialize, Serialize, PartialEq, Eq)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum Split {
-    Train,
-    Test,
-}
-
 fn colour_folder() -> PathBuf {
     "colour".into()
 }
@@ -144,15 +138,6 @@ impl Layout {
     /// Metres in one unit of the depth pictures.
     pub fn metres_per_unit(&self) -> f32 {
         self.depth_unit.metres()
-    }
-}
-
-impl Split {
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Train => "train",
-            Self::Test => "test",
-        }
     }
 }
 

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use super::cameras::{CameraTable, Intrinsics, PixelOrigin};
 use super::depth_file::{DepthPicture, read_depth};
-use super::frame::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, RgbdFrame, RgbdSource};
+use super::frame::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, RgbdFrame};
 use super::layout::Layout;
 use super::{plain, recordings, xhumans};
-use crate::FrameId;
 use crate::xhumans::parameters_of;
+use crate::{Capture, CaptureKind, FrameId, RgbdCapture, Source};
 use xavatar_body::{Gender, smplx};
 use xavatar_formats::{Choice, Error, Remedy, Result, read_pickle_arrays, read_picture};
 
@@ -125,13 +125,27 @@ pub struct RgbdFrames {
     gender: Gender,
 }
 
-impl RgbdSource for RgbdFrames {
+impl RgbdFrames {
+    /// The whole picture of a frame; it passes [`RgbdFrame::check`].
+    ///
+    /// # Errors
+    /// [`Error::Frame`] naming the frame, if a file is missing or broken, sizes differ or no depth is valid.
+    pub fn picture(&self, index: usize) -> Result<RgbdFrame> {
+        self.files[index].read(&self.betas)
+    }
+}
+
+impl Source for RgbdFrames {
+    fn kind(&self) -> CaptureKind {
+        CaptureKind::Rgbd
+    }
+
     fn ids(&self) -> &[FrameId] {
         &self.ids
     }
 
-    fn read(&self, index: usize) -> Result<RgbdFrame> {
-        self.files[index].read(&self.betas)
+    fn read(&self, index: usize) -> Result<Capture> {
+        Ok(Capture::Rgbd(Box::new(RgbdCapture::of(self.picture(index)?)?)))
     }
 
     fn betas(&self) -> &[f32] {

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::rules::HandZero;
+use crate::Split;
 use crate::placement::ScanPlacement;
-use crate::rgbd::{Shape, Split};
+use crate::rgbd::Shape;
 use xavatar_body::Gender;
 use xavatar_formats::{Error, Result, read_text};
 

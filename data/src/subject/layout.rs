@@ -234,9 +234,9 @@ fn layout_of(folder: &Path, sequences: &[Sequence]) -> Layout {
         Layout::CustomHumans
     } else if side_by_side {
         Layout::Rvh
-    } else if sequences[0].split.is_some() && sequences.iter().any(|sequence| named(&sequence.fit_folder, "smplx")) {
-        Layout::XHumans
-    } else if folder.join(super::GENDER_FILE).is_file() && folder.join(super::SHAPE_FILE).is_file() {
+    } else if sequences[0].split.is_some() && sequences.iter().any(|sequence| named(&sequence.fit_folder, "smplx"))
+        || folder.join(super::GENDER_FILE).is_file() && folder.join(super::SHAPE_FILE).is_file()
+    {
         Layout::XHumans
     } else {
         Layout::Plain

@@ -24,10 +24,10 @@ use self::fit_file::read_fit;
 use self::layout::{DRESS_INFO, Sequence, find, named_sequence};
 use self::pairing::{Paired, last_number};
 use self::rules::{Rules, Settled};
-use crate::FrameId;
 use crate::placement::ScanPlacement;
 use crate::rgbd::Shape;
 use crate::xhumans::{Common, GENDER_FILE, SHAPE_FILE, gender_in, mean_shape};
+use crate::{FrameId, ScanFrames, Split};
 use xavatar_body::{BodyModel, Gender, Skeleton};
 use xavatar_formats::{Error, Result, Value, read_pickle};
 
@@ -148,6 +148,24 @@ impl Subject {
             frames.iter_mut().for_each(|files| files.rules = rules.clone());
         }
         Ok(self)
+    }
+
+    /// The training frames as a source.
+    pub fn training_frames(&self) -> ScanFrames {
+        self.frames(Split::Train)
+    }
+
+    /// The frames of one split.
+    pub fn files(&self, split: Split) -> &[FrameFiles] {
+        match split {
+            Split::Train => &self.train,
+            Split::Test => &self.test,
+        }
+    }
+
+    /// The frames of one split as a source.
+    pub fn frames(&self, split: Split) -> ScanFrames {
+        ScanFrames::new(self, self.files(split))
     }
 
     /// Whether any frame has a scan.

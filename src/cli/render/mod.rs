@@ -10,7 +10,7 @@ use anyhow::bail;
 use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
 use xavatar::body::{BodyModel, PartLabels, Pose};
-use xavatar::data::{FrameSource, Subject};
+use xavatar::data::{ScanFrames, Source, Subject};
 use xavatar::mesh::TriangleMesh;
 use xavatar::mesh::camera::{PinholeCamera, THREE_QUARTER, framing_row};
 use xavatar::render::{Film, FilmFormat, Tile, contact_sheet, write_png};
@@ -18,7 +18,7 @@ use xavatar::synthetic::DANCE;
 
 use self::cameras::{FilmCameras, Stance, turn};
 use self::exhibit::{Exhibit, Panel, Panels};
-use super::inputs::{Split, SubjectFrames, body_of};
+use super::inputs::{Split, body_of};
 use super::json::JsonArgument;
 use super::motion::MotionArguments;
 use super::progress::Progress;
@@ -107,7 +107,7 @@ struct Studio<'a> {
     labels: &'a PartLabels,
     betas: Vec<f32>,
     poser: Poser<'a>,
-    scans: Option<SubjectFrames>,
+    scans: Option<ScanFrames>,
     panels: Panels,
 }
 
@@ -161,7 +161,7 @@ impl Render {
     }
 
     /// The poses to be pictured, the scans that they are compared with, and how many a second.
-    fn moments(&self, avatar: &Avatar, body: &BodyModel) -> anyhow::Result<(Option<SubjectFrames>, Vec<Moment>, f32)> {
+    fn moments(&self, avatar: &Avatar, body: &BodyModel) -> anyhow::Result<(Option<ScanFrames>, Vec<Moment>, f32)> {
         let Some(data) = &self.against else {
             let clip = self.options.load(&self.motion, avatar)?;
             let rate = clip.frames_per_second;
@@ -169,11 +169,11 @@ impl Render {
             return Ok((None, moments, rate));
         };
         let subject = Subject::open(data)?.settled(body)?;
-        let files = self.split.files(&subject);
+        let files = subject.files(self.split.into());
         let chosen = self.options.range_within(files.len())?;
-        let frames = SubjectFrames::new(&subject, &files[chosen]);
+        let frames = ScanFrames::new(&subject, &files[chosen]);
         let moments = (0..frames.ids().len())
-            .map(|index| Ok(Moment { pose: body.resolve(&frames.read(index)?.parameters)?, scan: Some(index) }))
+            .map(|index| Ok(Moment { pose: body.resolve(&frames.scan(index)?.parameters)?, scan: Some(index) }))
             .collect::<anyhow::Result<Vec<_>>>()?;
         if moments.is_empty() {
             bail!("{}: no frames in its {:?} split; choose another --split", data.display(), self.split);
@@ -291,7 +291,7 @@ impl Studio<'_> {
             Poser::Skinned(topology) => (topology.pose(&moment.pose)?, Some(topology.weights())),
         };
         let scan: Option<TriangleMesh> = match (&self.scans, moment.scan) {
-            (Some(scans), Some(index)) => Some(scans.read(index)?.scan),
+            (Some(scans), Some(index)) => Some(scans.scan(index)?.scan),
             _ => None,
         };
         let (vertices, _) = self.posed(&moment.pose)?;

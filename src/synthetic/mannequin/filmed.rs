@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::{BuiltInSubject, Split};
+use super::BuiltInSubject;
 use crate::body::Gender;
-use crate::data::{FrameId, FrameSource, ScanFrame};
+use crate::data::{Capture, CaptureKind, FrameId, ScanFrame, Source, Split};
 use crate::formats::Result;
 
 /// The frames of one take.
@@ -34,13 +34,17 @@ impl FilmedTake {
     }
 }
 
-impl FrameSource for FilmedTake {
+impl Source for FilmedTake {
+    fn kind(&self) -> CaptureKind {
+        CaptureKind::Scans
+    }
+
     fn ids(&self) -> &[FrameId] {
         &self.ids
     }
 
-    fn read(&self, index: usize) -> Result<ScanFrame> {
-        Ok(self.frames[index].clone())
+    fn read(&self, index: usize) -> Result<Capture> {
+        Ok(Capture::Scan(Box::new(self.frames[index].clone())))
     }
 
     fn betas(&self) -> &[f32] {

@@ -25,21 +25,12 @@ use self::model::Mannequin;
 use self::motion::{Take, joint_angles};
 use self::recipe::Recipe;
 use crate::body::{BodyModel, BodyParameters, PartLabels, Role, smplx};
-use crate::data::{FrameId, ScanFrame};
+use crate::data::{FrameId, ScanFrame, Split};
 use crate::formats::ArrayMap;
 use crate::formats::Result;
 
 /// The name under which the model appears in messages.
 const MODEL_NAME: &str = "the built-in SMPLX_NEUTRAL";
-
-/// One of the subject's two takes; they share no key pose but by mirror image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Split {
-    /// To learn from.
-    Train,
-    /// Unseen poses, to measure on.
-    Test,
-}
 
 /// A dressed, coloured, moving person that needs no data.
 pub struct BuiltInSubject {

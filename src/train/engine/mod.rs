@@ -16,7 +16,7 @@ use xavatar_network::Adam;
 
 pub use cpu::CpuEngine;
 
-use super::distance_grid::DistanceGrid;
+use super::DistanceGrid;
 use super::drawn::Drawn;
 use super::losses::{CanonicalBatch, LossTerms};
 use crate::Result;

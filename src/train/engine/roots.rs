@@ -10,10 +10,9 @@ use xavatar_network::Representation;
 use crate::Result;
 use crate::config::Assignment;
 use crate::fields::{CERTAINLY_OUTSIDE, PosedField};
-use crate::train::curve::Curve;
-use crate::train::distance_grid::DistanceGrid;
 use crate::train::drawn::Drawn;
 use crate::train::losses::CanonicalBatch;
+use crate::train::supervision::{Curve, DistanceGrid};
 
 /// Depth in the unclothed body below which no point of the scan's surface or outside of it can be, metres. A root there is one
 /// of skin that folds over itself: to train through it would hollow the body.

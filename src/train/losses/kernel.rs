@@ -17,6 +17,9 @@ pub(super) struct Term {
     pub weight: fn(&LossSettings) -> f64,
 }
 
+/// Adds the losses of some of its points, and the gradients.
+type Run<T> = fn(&mut Worker<T>, &Frame<T>, Range<usize>) -> Result<()>;
+
 /// What computes one loss, or those that share their points.
 pub(super) struct Kernel<T> {
     /// It runs if one of these has a weight.
@@ -24,7 +27,7 @@ pub(super) struct Kernel<T> {
     /// How many points a batch has for it.
     pub points: fn(&CanonicalBatch<T>) -> usize,
     /// Adds the losses of a block of them, and the gradients.
-    pub run: fn(&mut Worker<T>, &Frame<T>, Range<usize>) -> Result<()>,
+    pub run: Run<T>,
 }
 
 /// All of them, the dearest first: threads take turns.
@@ -43,7 +46,7 @@ fn kernels<T: Real>() -> [Kernel<T>; 8] {
 
 /// Consecutive points of one kernel.
 pub(super) struct Block<T> {
-    run: fn(&mut Worker<T>, &Frame<T>, Range<usize>) -> Result<()>,
+    run: Run<T>,
     rows: Range<usize>,
 }
 

@@ -8,4 +8,6 @@ mod mannequin;
 mod other_skeleton;
 mod render;
 mod rgbd_training;
+mod runs;
 mod toy_family;
+mod training;

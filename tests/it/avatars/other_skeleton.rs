@@ -7,13 +7,14 @@ use glam::Vec3;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
 use xavatar::body::{BodyModel, Gender, PartLabels, Pose, smplx};
 use xavatar::config::Config;
-use xavatar::data::{FrameId, FrameSource, ScanFrame};
+use xavatar::data::{Capture, CaptureKind, FrameId, ScanFrame, Source};
 use xavatar::evaluate::{Evaluation, SmplxD};
 use xavatar::export::{Rigging, write_glb};
 use xavatar::formats::Result;
 use xavatar::mesh::{SurfaceIndex, Topology};
+use xavatar::runs::{Ending, Event, Run};
 use xavatar::synthetic::dance;
-use xavatar::train::{Ending, Event, Trainer, TrainingFrames};
+use xavatar::train::TrainingSpec;
 
 use super::toy_family::{bent, model, scan, skeleton};
 
@@ -41,13 +42,17 @@ impl Bending {
     }
 }
 
-impl FrameSource for Bending {
+impl Source for Bending {
+    fn kind(&self) -> CaptureKind {
+        CaptureKind::Scans
+    }
+
     fn ids(&self) -> &[FrameId] {
         &self.ids
     }
 
-    fn read(&self, index: usize) -> Result<ScanFrame> {
-        Ok(self.frames[index].clone())
+    fn read(&self, index: usize) -> Result<Capture> {
+        Ok(Capture::Scan(Box::new(self.frames[index].clone())))
     }
 
     fn betas(&self) -> &[f32] {
@@ -71,11 +76,9 @@ fn train(model: &BodyModel, labels: &PartLabels, run: &Path) -> Avatar {
     let settings = settings.map(|(key, value)| (key.to_owned(), value.to_owned()));
     let config = Config::preset_with("demo", &settings).unwrap();
     let frames = Bending::new(model, "train", &angles);
-    let mut unwatched = |_: Event<'_>| {};
-    let frames = TrainingFrames::Scans(&frames);
-    let mut trainer = Trainer::start(&config, frames, model, labels, run, &mut unwatched).unwrap();
-    assert_eq!(trainer.run(&AtomicBool::new(false), &mut unwatched).unwrap(), Ending::Finished);
-    Avatar::load(run).unwrap()
+    let run = Run::open(run, TrainingSpec { config: &config, source: &frames, body: model, labels }).unwrap();
+    assert_eq!(run.train(&AtomicBool::new(false), &mut |_: Event<'_>| {}).unwrap(), Ending::Finished);
+    run.avatar().unwrap()
 }
 
 #[test]

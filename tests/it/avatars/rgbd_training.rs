@@ -7,13 +7,14 @@ use glam::Vec3;
 use xavatar::avatar::Avatar;
 use xavatar::body::Gender;
 use xavatar::config::Config;
-use xavatar::data::{BACKGROUND, FrameId, RgbdFrame, RgbdSource};
+use xavatar::data::{BACKGROUND, Capture, CaptureKind, FrameId, RgbdCapture, RgbdFrame, Source};
 use xavatar::fields::PerField;
 use xavatar::formats::{Error, Result};
 use xavatar::mesh::camera::PinholeCamera;
 use xavatar::render::render_rgbd;
+use xavatar::runs::{Ending, Event, Observer, Run};
 use xavatar::synthetic::{BuiltInSubject, Split};
-use xavatar::train::{Ending, Event, Observer, StepRecord, Trainer, TrainingFrames};
+use xavatar::train::{StepRecord, TrainingSpec};
 
 const FRAMES: usize = 4;
 
@@ -48,17 +49,19 @@ impl Filmed {
     }
 }
 
-impl RgbdSource for Filmed {
+impl Source for Filmed {
+    fn kind(&self) -> CaptureKind {
+        CaptureKind::Rgbd
+    }
+
     fn ids(&self) -> &[FrameId] {
         &self.ids
     }
 
-    fn read(&self, index: usize) -> Result<RgbdFrame> {
-        self.frames.get(index).cloned().ok_or(Error::Missing {
-            path: "film".into(),
-            what: "a picture".into(),
-            remedy: "none".into(),
-        })
+    fn read(&self, index: usize) -> Result<Capture> {
+        let (path, what, remedy) = ("film".into(), "a picture".into(), "none".into());
+        let frame = self.frames.get(index).cloned().ok_or(Error::Missing { path, what, remedy })?;
+        Ok(Capture::Rgbd(Box::new(RgbdCapture::of(frame)?)))
     }
 
     fn betas(&self) -> &[f32] {
@@ -96,12 +99,14 @@ fn config(settings: &[(&str, &str)]) -> Config {
     Config::preset_with("demo-rgbd", &settings.collect::<Vec<_>>()).unwrap()
 }
 
+fn spec<'a>(config: &'a Config, film: &'a Filmed, subject: &'a BuiltInSubject) -> TrainingSpec<'a> {
+    TrainingSpec { config, source: film, body: subject.model(), labels: subject.part_labels() }
+}
+
 fn train(config: &Config, film: &Filmed, subject: &BuiltInSubject, run: &Path) -> Records {
     let mut records = Records::default();
-    let frames = TrainingFrames::Rgbd(film);
-    let mut trainer =
-        Trainer::start(config, frames, subject.model(), subject.part_labels(), run, &mut records).unwrap();
-    assert_eq!(trainer.run(&AtomicBool::new(false), &mut records).unwrap(), Ending::Finished);
+    let run = Run::open(run, spec(config, film, subject)).unwrap();
+    assert_eq!(run.train(&AtomicBool::new(false), &mut records).unwrap(), Ending::Finished);
     records
 }
 
@@ -122,22 +127,17 @@ fn a_run_goes_on_without_its_source_and_ends_the_same() {
     }
 
     // A checkpoint of the middle is all that is left of the other run, and its pictures cannot be read again.
-    let stop = AtomicBool::new(true);
-    let (model, labels) = (subject.model(), subject.part_labels());
-    let frames = TrainingFrames::Rgbd(&film);
-    let mut trainer = Trainer::start(&config, frames, model, labels, &broken, &mut Records::default()).unwrap();
-    assert_eq!(trainer.run(&stop, &mut Records::default()).unwrap(), Ending::Stopped);
-    drop(trainer);
+    let stopped = Run::open(&broken, spec(&config, &film, &subject)).unwrap();
+    let ending = stopped.train(&AtomicBool::new(true), &mut Records::default()).unwrap();
+    assert_eq!(ending, Ending::Stopped);
+    drop(stopped);
     std::fs::copy(
         whole.join("checkpoints/step-00000014.safetensors"),
         broken.join("checkpoints/step-00000014.safetensors"),
     )
     .unwrap();
     film.frames.clear();
-    let frames = TrainingFrames::Rgbd(&film);
-    let mut trainer = Trainer::resume(&config, frames, model, labels, &broken, &mut Records::default()).unwrap();
-    let mut records = Records::default();
-    assert_eq!(trainer.run(&AtomicBool::new(false), &mut records).unwrap(), Ending::Finished);
+    let records = train(&config, &film, &subject, &broken);
     assert_eq!(records.0.len(), 4, "of 18 steps, 14 were done");
     assert!(parameters(&whole) == parameters(&broken), "the parameters differ");
 }
@@ -168,9 +168,7 @@ fn presets_are_for_one_kind_of_frames() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     let config = Config::preset("demo").unwrap();
-    let frames = TrainingFrames::Rgbd(&film);
-    let refused =
-        Trainer::start(&config, frames, subject.model(), subject.part_labels(), &run, &mut Records::default());
+    let refused = Run::open(&run, spec(&config, &film, &subject));
     let message = refused.err().unwrap().to_string();
     assert!(message.contains("`demo`, which is for scans") && message.contains("fast-rgbd"), "{message}");
     assert!(!run.exists(), "nothing is begun");

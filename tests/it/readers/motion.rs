@@ -102,9 +102,14 @@ fn motions_survive_a_round_trip_in_every_hand_convention() {
     for motion in [amass, grab, relative] {
         write_motion(&path, &motion).unwrap();
         let read = read_motion(&path).unwrap();
-        assert_eq!(read.frames, motion.frames);
+        // Coefficients that a motion leaves out are written as zeros.
+        let written = motion.frames.iter().cloned().map(|mut frame| {
+            frame.expression.resize(smplx::EXPRESSIONS, 0.0);
+            frame
+        });
+        assert_eq!(read.frames, written.collect::<Vec<_>>());
         assert_eq!(read.frames_per_second, motion.frames_per_second);
-        assert!(read.zeroed.is_empty());
+        assert!(read.zeroed.iter().all(|name| name == "expression"), "{:?}", read.zeroed);
     }
 }
 

@@ -12,8 +12,8 @@ use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
 use xavatar::body::{Gender, Part, Registration, smplx};
 use xavatar::data::{
-    BACKGROUND, DepthFormat, FrameId, FrameSource, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFrame, RgbdLayout,
-    RgbdSource, RgbdSubject, ScanFrame, check_rgbd, read_depth, read_motion, write_depth, write_motion,
+    BACKGROUND, Capture, CaptureKind, DepthFormat, FrameId, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFrame,
+    RgbdLayout, RgbdSubject, ScanFrame, Source, check_rgbd, read_depth, read_motion, write_depth, write_motion,
     write_rgbd_subject,
 };
 use xavatar::formats::{Array, read_npz, write_npz};
@@ -34,13 +34,17 @@ struct Scans {
     ids: Vec<FrameId>,
 }
 
-impl FrameSource for Scans {
+impl Source for Scans {
+    fn kind(&self) -> CaptureKind {
+        CaptureKind::Scans
+    }
+
     fn ids(&self) -> &[FrameId] {
         &self.ids
     }
 
-    fn read(&self, index: usize) -> xavatar::formats::Result<ScanFrame> {
-        Ok(self.frames[index].clone())
+    fn read(&self, index: usize) -> xavatar::formats::Result<Capture> {
+        Ok(Capture::Scan(Box::new(self.frames[index].clone())))
     }
 
     fn betas(&self) -> &[f32] {
@@ -63,7 +67,7 @@ static SCANS: LazyLock<Scans> = LazyLock::new(|| {
 
 static FRAMES: LazyLock<Vec<RgbdFrame>> = LazyLock::new(|| {
     let filmed = FilmedScans::new(&*SCANS, SMALL).unwrap();
-    (0..filmed.ids().len()).map(|index| filmed.read(index).unwrap()).collect()
+    (0..filmed.ids().len()).map(|index| filmed.picture(index).unwrap()).collect()
 });
 
 /// The frames, written in a layout.
@@ -107,7 +111,7 @@ fn frames_survive_every_layout_and_format() {
         assert_eq!((subject.gender, subject.betas.as_slice()), (Gender::Neutral, SUBJECT.betas()));
         let (train, test) = (subject.training_frames(), subject.test_frames());
         for (source, index, frame) in [(&train, 0, &FRAMES[0]), (&train, 1, &FRAMES[1]), (&test, 0, &FRAMES[2])] {
-            assert_alike(&source.read(index).unwrap(), frame, tolerance);
+            assert_alike(&source.picture(index).unwrap(), frame, tolerance);
         }
     }
 }
@@ -231,7 +235,7 @@ fn pictures_are_numbered_by_their_place_unless_one_was_removed() {
     assert_eq!(numbers(), [11, 12]);
     fs::remove_file(take.join("SMPLX/mesh-f00011_smplx.pkl")).unwrap();
     assert_eq!(numbers(), [1, 2], "no longer one file a picture");
-    let error = RgbdSubject::open(folder.path()).unwrap().training_frames().read(0).unwrap_err().to_string();
+    let error = RgbdSubject::open(folder.path()).unwrap().training_frames().picture(0).unwrap_err().to_string();
     assert!(error.contains("train/Take1/f00001") && error.contains("mesh-f00001_smplx.pkl"), "{error}");
 }
 
@@ -239,7 +243,7 @@ fn pictures_are_numbered_by_their_place_unless_one_was_removed() {
 fn error_after(change: impl Fn(&Path)) -> String {
     let folder = written(RgbdLayout::Plain(DepthFormat::Tiff));
     change(folder.path());
-    let frame = RgbdSubject::open(folder.path()).and_then(|subject| subject.training_frames().read(0));
+    let frame = RgbdSubject::open(folder.path()).and_then(|subject| subject.training_frames().picture(0));
     frame.unwrap_err().to_string()
 }
 
@@ -347,7 +351,7 @@ fn units_masks_and_calibrations_of_a_plain_folder_are_followed() {
     );
     fs::write(folder.path().join("rgbd.toml"), text).unwrap();
     let subject = RgbdSubject::open(folder.path()).unwrap();
-    let frame = subject.training_frames().read(0).unwrap();
+    let frame = subject.training_frames().picture(0).unwrap();
     assert_eq!(frame.id.to_string(), "train/walk/f00011");
     assert!((frame.camera.cx - camera.cx).abs() < 1e-4 && (frame.camera.fy - camera.fy).abs() < 1e-3);
     let cloud = PointCloud::of(&frame).unwrap();
@@ -385,7 +389,7 @@ fn assert_same_frames(folder: &Path, numbers: [u32; 2]) {
     for (index, number) in numbers.into_iter().enumerate() {
         let mut frame = FRAMES[index].clone();
         frame.id.number = number;
-        assert_alike(&source.read(index).unwrap(), &frame, 1.01e-4);
+        assert_alike(&source.picture(index).unwrap(), &frame, 1.01e-4);
     }
 }
 
@@ -729,5 +733,5 @@ fn the_verbs_film_check_and_show() {
     let points = xavatar::mesh::read_mesh(&cloud).unwrap().mesh;
     assert!(points.faces.is_empty() && points.vertices.len() > 20_000);
     let (code, printed) = run(&["pointcloud", &filmed, "--frame", "train/x/f00001", "--out", &path("other.ply")]);
-    assert!(code == Some(1) && printed.contains("train/Take1/f00001 to train/Take1/f00003"), "{printed}");
+    assert!(code == Some(2) && printed.contains("train/Take1/f00001 to train/Take1/f00003"), "{printed}");
 }

@@ -1,6 +1,8 @@
 //! Whole verbs, run as a user runs them.
 
+mod check;
 mod cli;
 mod render;
 mod rgbd;
+mod tool;
 mod view;

@@ -65,7 +65,7 @@ fn the_data_choose_the_preset_and_a_turn_is_seen_part_by_part() {
     assert_eq!(code, 0, "{printed}");
     assert_eq!(Config::read(&run.join("config.toml")).unwrap().preset, "demo-rgbd");
     let (code, printed) = outcome(&[&train[..], &["--resume", "--from", "scans"]].concat());
-    assert!(code == 1 && printed.contains("other frames"), "{printed}");
+    assert!(code == 2 && printed.contains("other frames"), "{printed}");
 
     copy(&scans, &pictures);
     let out = folder.path().join("fusion");

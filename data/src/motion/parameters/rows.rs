@@ -48,7 +48,8 @@ impl Rows<'_> {
 
     /// Rotations of `joints` joints in each frame.
     pub(super) fn rotations(&self, key: &str, array: &Array, joints: usize) -> Result<Vec<PoseAxisAngle>> {
-        if self.rotations == Rotations::Vectors || self.width(array) == 3 * joints {
+        let are_matrices = array.shape.ends_with(&[3, 3]) && self.width(array) == 9 * joints;
+        if !are_matrices && (self.rotations == Rotations::Vectors || self.width(array) == 3 * joints) {
             let values = self.numbers(key, array, 3 * joints)?;
             let vectors = values.as_chunks::<3>().0.iter();
             return Ok(vectors.map(|vector| PoseAxisAngle(Vec3::from_array(*vector))).collect());

@@ -9,9 +9,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
-use super::camera_view::{CameraView, Source};
-use super::drawn::PosedSamples;
+use super::CameraView;
+use super::observed::Source;
 use crate::config::{Config, SamplingStrategy};
+use crate::train::drawn::PosedSamples;
 
 struct OnSurface {
     position: Vec3,

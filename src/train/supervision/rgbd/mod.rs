@@ -4,22 +4,22 @@
 //! camera looks through, close behind it negative. What is farther behind, or beside what was seen, is unknown, and nothing is
 //! said about it. V vertices of the registered body; the body's frame, metres.
 
+mod draw;
+mod observed;
+
 use glam::Vec3;
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::captured::RgbdCapture;
-use super::part_shares::{PartShare, part_shares, whole_share};
-use super::prepared::{BYTES_A_FACE, RegisteredBody, Surface, faces_of_part};
-use crate::body::{Part, PartLabels, Registration, Role, Skeleton};
-use crate::config::{Config, HandSupervision, RgbdSettings, SamplingSettings, SamplingStrategy};
-use crate::data::RgbdFrame;
-use crate::mesh::SurfaceSampler;
+use self::observed::{ObservedPoints, Region, regions};
+use super::{BYTES_A_FACE, RegisteredBody, Supervision, Surface};
+use crate::body::{Part, Registration, Role};
+use crate::config::{Config, RgbdSettings};
+use crate::data::{RgbdCapture, RgbdFrame};
 use crate::mesh::camera::PinholeCamera;
+use crate::train::drawn::PosedSamples;
 use crate::{Error, InputError, Result};
 
-/// Points that a part needs to count as seen.
-const FEWEST_POINTS: usize = 40;
 /// How far a point's nearest observed one may lie aside for the distance to its plane to be that to the surface, metres:
 /// beyond, the point is past the rim of what was seen. Pixels are 2 to 3 mm apart at 6 m.
 const ASIDE: f32 = 0.006;
@@ -35,62 +35,11 @@ const FLATTEST: f32 = 0.2;
 /// What an observed point takes with its tree, bytes.
 const BYTES_A_POINT: usize = 64;
 
-/// Observed points, and which is nearest.
-pub(super) struct ObservedPoints {
-    pub points: Vec<Vec3>,
-    pub normals: Vec<Vec3>,
-    /// In [0, 1].
-    pub colours: Vec<Vec3>,
-    pub parts: Vec<Part>,
-    tree: ImmutableKdTree<f32, 3>,
-}
-
-impl ObservedPoints {
-    fn new(points: Vec<Vec3>, normals: Vec<Vec3>, colours: Vec<Vec3>, parts: Vec<Part>) -> Result<Self> {
-        let rows: Vec<[f32; 3]> = points.iter().map(Vec3::to_array).collect();
-        let tree = ImmutableKdTree::new_from_slice(&rows).map_err(|failure| {
-            Error::from(InputError::Value {
-                name: "observed points".into(),
-                found: format!("{} ({failure})", points.len()),
-                expected: "at most 2^32".into(),
-            })
-        })?;
-        Ok(Self { points, normals, colours, parts, tree })
-    }
-
-    /// The points of one part.
-    fn of_part(&self, part: Part) -> Result<Self> {
-        let wanted: Vec<usize> = (0..self.points.len()).filter(|index| self.parts[*index] == part).collect();
-        let of = |values: &[Vec3]| wanted.iter().map(|index| values[*index]).collect();
-        Self::new(of(&self.points), of(&self.normals), of(&self.colours), vec![part; wanted.len()])
-    }
-
-    /// The place in the list of the point nearest to `point`, which has to be finite.
-    pub fn nearest(&self, point: Vec3) -> usize {
-        self.tree.query(&point.to_array()).nearest_one::<SquaredEuclidean<f32>>().execute().item as usize
-    }
-}
-
-/// Where a region's points are drawn.
-pub(super) enum Source {
-    /// Observed points, by their places.
-    Observed(Vec<u32>),
-    /// The registered body's surface, with the colour of the nearest of these points.
-    Registered(SurfaceSampler, Box<ObservedPoints>),
-}
-
-/// A part of the surface and its share of P.
-pub(super) struct Region {
-    pub part: Part,
-    pub share: f64,
-    pub source: Source,
-}
-
 /// One picture of an RGB-D camera.
 pub(super) struct CameraView<'a> {
-    pub observed: ObservedPoints,
-    pub body: Surface,
-    pub regions: Vec<Region>,
+    observed: ObservedPoints,
+    body: Surface,
+    regions: Vec<Region>,
     registration: Registration<'a>,
     /// Posed in the body's frame.
     camera: PinholeCamera,
@@ -103,10 +52,25 @@ pub(super) struct CameraView<'a> {
     seen: Vec<bool>,
 }
 
+impl Supervision for CameraView<'_> {
+    fn draw(&self, config: &Config, random: &mut ChaCha8Rng) -> PosedSamples {
+        draw::draw(self, config, random)
+    }
+
+    fn add_seen_vertices(&self, seen: &mut [bool]) {
+        seen.iter_mut().zip(&self.seen).for_each(|(all, own)| *all |= own);
+    }
+
+    fn size(&self) -> usize {
+        let pixels = self.frame.depth.len() * (size_of::<f32>() + 3);
+        pixels + BYTES_A_POINT * self.observed.points.len() + BYTES_A_FACE * self.body.mesh.faces.len()
+    }
+}
+
 impl<'a> CameraView<'a> {
-    pub fn new(capture: RgbdCapture, body: RegisteredBody<'a>, skeleton: &Skeleton, config: &Config) -> Result<Self> {
+    pub fn new(capture: RgbdCapture, body: RegisteredBody<'a>, config: &Config) -> Result<Self> {
         let RgbdCapture { frame, cloud } = capture;
-        let RegisteredBody { mesh, labels, registration } = body;
+        let RegisteredBody { mesh, skeleton, labels, registration } = body;
         let Some(settings) = config.rgbd.clone() else {
             return Err(Error::from(InputError::Value {
                 name: "preset".into(),
@@ -140,24 +104,13 @@ impl<'a> CameraView<'a> {
         Ok(view)
     }
 
-    /// What it takes in memory, about, bytes.
-    pub fn size(&self) -> usize {
-        let pixels = self.frame.depth.len() * (size_of::<f32>() + 3);
-        pixels + BYTES_A_POINT * self.observed.points.len() + BYTES_A_FACE * self.body.mesh.faces.len()
-    }
-
-    /// Adds the vertices (V) that are seen to `seen`.
-    pub fn add_seen_vertices(&self, seen: &mut [bool]) {
-        seen.iter_mut().zip(&self.seen).for_each(|(all, own)| *all |= own);
-    }
-
     /// The part that a point belongs to.
-    pub fn part(&self, point: Vec3) -> Part {
+    fn part(&self, point: Vec3) -> Part {
         self.registration.nearest(point).0
     }
 
     /// A point's signed distance to the surface, as far as the picture tells it.
-    pub fn distance(&self, point: Vec3) -> Option<f32> {
+    fn distance(&self, point: Vec3) -> Option<f32> {
         let nearest = self.observed.nearest(point);
         let offset = point - self.observed.points[nearest];
         let height = offset.dot(self.observed.normals[nearest]);
@@ -209,42 +162,6 @@ impl<'a> CameraView<'a> {
     }
 }
 
-/// The parts' shares of P (METHOD section 5). What the camera does not see contributes nothing.
-fn regions(
-    observed: &ObservedPoints,
-    nearest: &[usize],
-    body: &crate::mesh::TriangleMesh,
-    skeleton: &Skeleton,
-    labels: &PartLabels,
-    sampling: &SamplingSettings,
-    settings: &RgbdSettings,
-) -> Result<Vec<Region>> {
-    let places = |wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
-        (0..nearest.len()).filter(|place| wanted(*place)).map(|place| place as u32).collect()
-    };
-    if sampling.strategy == SamplingStrategy::Uniform {
-        let (part, share) = (Part::default(), whole_share(sampling));
-        return Ok(vec![Region { part, share, source: Source::Observed(places(&|_| true)) }]);
-    }
-    let region = |of: PartShare| {
-        let is_shown =
-            |place: usize| observed.parts[place] == of.part && (!of.is_detail || labels.detail[nearest[place]]);
-        Region { part: of.part, share: of.share, source: Source::Observed(places(&is_shown)) }
-    };
-    let shares = part_shares(skeleton, sampling, |_| settings.eyes_mouth_share);
-    let mut regions: Vec<Region> = shares.into_iter().map(region).collect();
-    regions.retain(|region| matches!(&region.source, Source::Observed(places) if places.len() >= FEWEST_POINTS));
-    if sampling.hand_supervision == HandSupervision::Registration {
-        for region in &mut regions {
-            if skeleton.role(region.part) == Role::Hands {
-                let sampler = SurfaceSampler::new(body, Some(&faces_of_part(body, labels, region.part)))?;
-                region.source = Source::Registered(sampler, Box::new(observed.of_part(region.part)?));
-            }
-        }
-    }
-    Ok(regions)
-}
-
 #[cfg(test)]
 mod tests {
     use image::RgbImage;
@@ -252,7 +169,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::body::{PartLabelSource, smplx};
+    use crate::body::{PartLabelSource, PartLabels, smplx};
     use crate::data::{BACKGROUND, FrameId};
     use crate::mesh::camera::pixel_centre;
     use crate::mesh::{ExtractionGrid, Sign, extract};
@@ -278,9 +195,9 @@ mod tests {
             parameters: smplx::Parameters { transl: TRANSL, ..Default::default() }.into(),
         };
         let registration = Registration::new(&mesh.vertices, labels).unwrap();
-        let body = RegisteredBody { mesh, labels, registration };
+        let body = RegisteredBody { mesh, skeleton: smplx::skeleton(), labels, registration };
         let config = Config::preset("fast-rgbd").unwrap();
-        CameraView::new(RgbdCapture::of(frame).unwrap(), body, smplx::skeleton(), &config).unwrap()
+        CameraView::new(RgbdCapture::of(frame).unwrap(), body, &config).unwrap()
     }
 
     fn sphere() -> crate::mesh::TriangleMesh {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::event_file::{EVENTS, scalars_record, version_record, whole_records};
-use super::{Stage, StepRecord};
+use crate::train::{Stage, StepRecord};
 use crate::{InputError, Result};
 use xavatar_formats::{read_bytes, write_atomically};
 
@@ -16,12 +16,12 @@ use xavatar_formats::{read_bytes, write_atomically};
 pub(super) const METRICS: &str = "metrics.jsonl";
 
 /// The open files of a run.
-pub(super) struct MetricsLog {
+pub(super) struct Notes {
     lines: (PathBuf, fs::File),
     events: (PathBuf, fs::File),
 }
 
-impl MetricsLog {
+impl Notes {
     /// Opens the files in the folder `run` for appending, without what they say of steps after the first `steps` of both stages.
     pub fn open(run: &Path, steps: usize) -> Result<Self> {
         let lines = continue_file(run.join(METRICS), |file| {

@@ -6,7 +6,7 @@ use glam::Vec3;
 /// Cells along the longest side of the box.
 const CELLS: f32 = 1023.0;
 
-pub(super) struct Curve {
+pub(in crate::train) struct Curve {
     low: Vec3,
     scale: f32,
 }

@@ -1,8 +1,7 @@
 //! The columns that tables of measured runs share: CD, CD-MAX, NC and IoU of the whole body and of each finer role.
 
-use super::metrics::{FrameMetrics, PartMetrics};
-use super::report::row_name;
 use crate::body::Role;
+use crate::evaluate::{FrameMetrics, PartMetrics, row_name};
 
 /// Which parts have columns.
 pub(super) struct PartColumns {

@@ -2,12 +2,10 @@
 
 use glam::{Mat3, Vec3};
 
-use super::super::captured::RgbdCapture;
 use super::{Stored, picture_array, rows};
-use crate::Result;
 use crate::body::BodyParameters;
-use crate::data::{FrameId, PointCloud, RgbdFrame};
-use crate::formats::{Array, ArrayData, ArrayMap};
+use crate::data::{FrameId, PointCloud, RgbdCapture, RgbdFrame};
+use crate::formats::{Array, ArrayData, ArrayMap, Result};
 use crate::mesh::camera::{PinholeCamera, pixel_centre};
 
 /// [fx, fy, cx, cy, R by columns, t]; its presence tells a picture from a scan.

@@ -14,14 +14,13 @@ use rayon::prelude::*;
 use xavatar_deformer::BoneTransform;
 use xavatar_network::Representation;
 
-use super::curve::Curve;
-use super::distance_grid::DistanceGrid;
-use super::losses::{Anchors, CanonicalBatch, WeightTargets};
+use super::{Curve, DistanceGrid};
 use crate::Result;
 use crate::body::{BodyModel, PartLabels, Role, Skeleton};
 use crate::config::Config;
 use crate::fields::{CERTAINLY_OUTSIDE, Condition, canonical_box};
 use crate::mesh::{SolidIndex, SurfaceSampler, TriangleMesh};
+use crate::train::losses::{Anchors, CanonicalBatch, WeightTargets};
 
 /// Expressions whose canonical bodies are kept ready.
 const EXPRESSIONS: usize = 8;
@@ -48,7 +47,7 @@ const CERTAINLY_INSIDE: f32 = 0.03;
 const IDENTITY: BoneTransform<f32> = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
 /// The body of a subject's shape in its canonical pose, ready to draw from.
-pub(super) struct CanonicalBody<'a> {
+pub(in crate::train) struct CanonicalBody<'a> {
     weights: &'a [f32],
     vertices: Vec<[f32; 3]>,
     skeleton: &'a Skeleton,

@@ -10,11 +10,11 @@ use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use xavatar_network::Representation;
 
-use super::curve::Curve;
-use super::drawn::PosedSamples;
-use super::prepared::{ScanSupervision, Source};
+use super::{ScanSupervision, Source};
 use crate::config::{Config, SamplingStrategy};
 use crate::mesh::SurfacePoint;
+use crate::train::drawn::PosedSamples;
+use crate::train::supervision::Curve;
 
 struct OnSurface {
     source: Source,

@@ -1,4 +1,4 @@
-//! Captured frames as arrays: how a run's cache stores them, whatever format they came in.
+//! Captures as arrays: how a run's cache stores them, whatever format they came in; one file a kind.
 
 mod parameters;
 mod rgbd;
@@ -8,30 +8,28 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::captured::CapturedFrame;
-use crate::data::FrameId;
-use crate::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
-use crate::{Error, InputError, Result};
+use crate::data::{Capture, FrameId};
+use crate::formats::{Array, ArrayData, ArrayMap, Error, Result, read_npz, write_npz};
 
-/// Writes a frame whose pose is resolved.
-pub(super) fn write(path: &Path, frame: &CapturedFrame) -> Result<()> {
-    let mut arrays = match frame {
-        CapturedFrame::Scan(frame) => scan::to_arrays(frame),
-        CapturedFrame::Rgbd(capture) => rgbd::to_arrays(capture),
+/// Writes a capture whose pose is resolved.
+pub(super) fn write(path: &Path, capture: &Capture) -> Result<()> {
+    let mut arrays = match capture {
+        Capture::Scan(frame) => scan::to_arrays(frame),
+        Capture::Rgbd(capture) => rgbd::to_arrays(capture),
     };
-    parameters::insert(&mut arrays, &frame.parameters().absolute()?);
-    Ok(write_npz(path, &arrays)?)
+    parameters::insert(&mut arrays, &capture.parameters().absolute()?);
+    write_npz(path, &arrays)
 }
 
-/// Reads a frame that [`write`] wrote.
-pub(super) fn read(path: &Path, id: &FrameId) -> Result<CapturedFrame> {
+/// Reads a capture that [`write`] wrote.
+pub(super) fn read(path: &Path, id: &FrameId) -> Result<Capture> {
     let read = || {
         let arrays = read_npz(path)?;
         let stored = Stored { path, arrays: &arrays };
         let parameters = parameters::of(&stored)?.into();
         Ok(match arrays.contains_key(rgbd::CAMERA) {
-            true => CapturedFrame::Rgbd(Box::new(rgbd::of(&stored, id.clone(), parameters)?)),
-            false => CapturedFrame::Scan(Box::new(scan::of(&stored, id.clone(), parameters)?)),
+            true => Capture::Rgbd(Box::new(rgbd::of(&stored, id.clone(), parameters)?)),
+            false => Capture::Scan(Box::new(scan::of(&stored, id.clone(), parameters)?)),
         })
     };
     read().map_err(|error: Error| error.in_frame(id.to_string()))
@@ -49,13 +47,13 @@ impl Stored<'_> {
     }
 
     fn broken(&self, key: &str) -> Error {
-        Error::from(InputError::Malformed {
+        Error::Malformed {
             path: self.path.into(),
             format: "cached frame",
             place: format!("`{key}`"),
             found: self.arrays.get(key).map_or("absent".into(), Array::description),
             expected: "what the frame was stored with; delete the run's cache folder and resume".into(),
-        })
+        }
     }
 
     fn array(&self, key: &str) -> Result<&Array> {
@@ -109,10 +107,9 @@ mod tests {
     use glam::Vec2;
     use image::{Rgb, RgbImage};
 
-    use super::super::captured::RgbdCapture;
     use super::*;
     use crate::body::{BodyParameters, smplx};
-    use crate::data::{BACKGROUND, RgbdFrame, ScanFrame};
+    use crate::data::{BACKGROUND, RgbdCapture, RgbdFrame, ScanFrame};
     use crate::mesh::camera::PinholeCamera;
     use crate::mesh::{Colouring, TriangleMesh};
 
@@ -128,7 +125,7 @@ mod tests {
         pose.into()
     }
 
-    fn read_back(frame: &CapturedFrame) -> CapturedFrame {
+    fn read_back(frame: &Capture) -> Capture {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("frame.npz");
         write(&path, frame).unwrap();
@@ -145,9 +142,7 @@ mod tests {
             colouring: Colouring::Texture { uvs: vec![Vec2::new(0.25, 0.5); 3], image: Arc::new(image) },
         };
         let frame = ScanFrame { id: id(), scan, parameters: parameters(), notes: Vec::new() };
-        let CapturedFrame::Scan(read) = read_back(&CapturedFrame::Scan(Box::new(frame.clone()))) else {
-            panic!("not a scan")
-        };
+        let Capture::Scan(read) = read_back(&Capture::Scan(Box::new(frame.clone()))) else { panic!("not a scan") };
         assert_eq!(format!("{read:?}"), format!("{frame:?}"));
     }
 
@@ -177,8 +172,8 @@ mod tests {
             assert_eq!(place.y as u32 * capture.frame.camera.width + place.x as u32, *pixel);
             assert!((depth - capture.frame.depth[*pixel as usize]).abs() < 1e-5);
         }
-        let read = read_back(&CapturedFrame::Rgbd(Box::new(capture.clone())));
-        let CapturedFrame::Rgbd(read) = read else { panic!("not a picture") };
+        let read = read_back(&Capture::Rgbd(Box::new(capture.clone())));
+        let Capture::Rgbd(read) = read else { panic!("not a picture") };
         assert_eq!(format!("{:?}", read.frame), format!("{:?}", capture.frame));
         assert_eq!((&read.cloud.normals, &read.cloud.pixels), (&capture.cloud.normals, &capture.cloud.pixels));
         let near = |(a, b): (&Vec3, &Vec3)| a.abs_diff_eq(*b, 1e-5);

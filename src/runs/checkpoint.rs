@@ -6,36 +6,16 @@
 
 use std::path::{Path, PathBuf};
 
+use xavatar_formats::{TensorFile, create_folder};
 use xavatar_network::Adam;
 
-use super::engine::Learned;
+use crate::train::engine::Learned;
+use crate::train::{Progress, TrainingState};
 use crate::{Error, InputError, Result};
-use xavatar_formats::{TensorFile, create_folder};
 
 const FOLDER: &str = "checkpoints";
 const BEST: &str = "best.safetensors";
-
-/// Where a run stands.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Progress {
-    /// Steps of stage 0 done.
-    pub pretraining_steps: u64,
-    /// Steps on frames done.
-    pub steps: u64,
-    /// Seconds of all commands that worked on the run.
-    pub seconds: f64,
-    /// Running mean of the total loss; infinite before the first step.
-    pub running_loss: f64,
-    /// The smallest running mean that a checkpoint was written at.
-    pub best_loss: f64,
-}
-
-/// Fields, optimiser and progress.
-pub(super) struct State {
-    pub learned: Learned,
-    pub progress: Progress,
-}
-
+/// The tensor that holds what [`Learned::sampled_skinning`] does.
 const BAKED: &str = "baked_skinning";
 
 fn to_file(learned: &Learned, progress: &Progress) -> TensorFile {
@@ -63,48 +43,46 @@ fn to_file(learned: &Learned, progress: &Progress) -> TensorFile {
     file
 }
 
-impl State {
-    /// Replaces the state by the newest that a run has stored and that is not damaged, if there is one. Damaged ones are removed: they
-    /// are made again.
-    pub fn load_newest(&mut self, run: &Path) -> Result<()> {
-        for path in checkpoints(run)? {
-            match TensorFile::read(&path) {
-                Ok(file) => return self.load(&file, &path),
-                Err(damaged @ InputError::Malformed { .. }) => {
-                    log::warn!("{damaged}; going on from the checkpoint before");
-                    std::fs::remove_file(&path).map_err(InputError::io(&path))?;
-                }
-                Err(other) => return Err(other.into()),
+/// Replaces a state by that of a run's newest checkpoint that is not damaged, if it has one. Damaged ones are removed: they are made
+/// again.
+pub(super) fn restore_newest(run: &Path, state: &mut TrainingState) -> Result<()> {
+    for path in checkpoints(run)? {
+        match TensorFile::read(&path) {
+            Ok(file) => return restore(&file, &path, state),
+            Err(damaged @ InputError::Malformed { .. }) => {
+                log::warn!("{damaged}; going on from the checkpoint before");
+                std::fs::remove_file(&path).map_err(InputError::io(&path))?;
             }
+            Err(other) => return Err(other.into()),
         }
-        Ok(())
     }
+    Ok(())
+}
 
-    /// Replaces the state by the one in a file that was read at `path`.
-    fn load(&mut self, file: &TensorFile, path: &Path) -> Result<()> {
-        let Learned { fields, adam, sampled_skinning } = &mut self.learned;
-        fields.load_from(file)?;
-        for (name, adam) in adam.as_mut().named() {
-            let length = adam.first_moment.len();
-            let moment = |kind: &str| stored_vector(file, path, &format!("{name}.adam.{kind}"), length);
-            *adam = Adam {
-                first_moment: moment("first")?,
-                second_moment: moment("second")?,
-                updates: file.parsed(path, &format!("{name}.adam.updates"))?,
-            };
-        }
-        if file.tensors.contains_key(BAKED) {
-            *sampled_skinning = Some(stored_vector(file, path, BAKED, fields.skinning.parameters().len())?);
-        }
-        self.progress = Progress {
-            pretraining_steps: file.parsed(path, "pretraining_steps")?,
-            steps: file.parsed(path, "steps")?,
-            seconds: file.parsed(path, "seconds")?,
-            running_loss: file.parsed(path, "running_loss")?,
-            best_loss: file.parsed(path, "best_loss")?,
+/// Replaces a state by the one in a file that was read at `path`.
+fn restore(file: &TensorFile, path: &Path, state: &mut TrainingState) -> Result<()> {
+    let Learned { fields, adam, sampled_skinning } = &mut state.learned;
+    fields.load_from(file)?;
+    for (name, adam) in adam.as_mut().named() {
+        let length = adam.first_moment.len();
+        let moment = |kind: &str| stored_vector(file, path, &format!("{name}.adam.{kind}"), length);
+        *adam = Adam {
+            first_moment: moment("first")?,
+            second_moment: moment("second")?,
+            updates: file.parsed(path, &format!("{name}.adam.updates"))?,
         };
-        Ok(())
     }
+    if file.tensors.contains_key(BAKED) {
+        *sampled_skinning = Some(stored_vector(file, path, BAKED, fields.skinning.parameters().len())?);
+    }
+    state.progress = Progress {
+        pretraining_steps: file.parsed(path, "pretraining_steps")?,
+        steps: file.parsed(path, "steps")?,
+        seconds: file.parsed(path, "seconds")?,
+        running_loss: file.parsed(path, "running_loss")?,
+        best_loss: file.parsed(path, "best_loss")?,
+    };
+    Ok(())
 }
 
 /// Writes a checkpoint, then removes all but the newest `kept` and the best. Returns its path.
@@ -114,8 +92,7 @@ pub(super) fn save(learned: &Learned, progress: &mut Progress, run: &Path, kept:
     let best = progress.running_loss < progress.best_loss;
     progress.best_loss = progress.best_loss.min(progress.running_loss);
     let file = to_file(learned, progress);
-    let step = progress.pretraining_steps + progress.steps;
-    let path = folder.join(format!("step-{step:08}.safetensors"));
+    let path = folder.join(format!("step-{:08}.safetensors", progress.all_steps()));
     file.write(&path)?;
     if best {
         file.write(&folder.join(BEST))?;
@@ -139,7 +116,7 @@ fn stored_vector(file: &TensorFile, path: &Path, name: &str, length: usize) -> R
 }
 
 /// The run's checkpoints, the newest first.
-pub(super) fn checkpoints(run: &Path) -> Result<Vec<PathBuf>> {
+fn checkpoints(run: &Path) -> Result<Vec<PathBuf>> {
     let folder = run.join(FOLDER);
     if !folder.is_dir() {
         return Ok(Vec::new());

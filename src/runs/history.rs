@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use xavatar_formats::read_bytes;
 
-use super::Stage;
-use super::metrics_log::METRICS;
-use super::trainer::PREVIEWS;
+use super::notes::METRICS;
+use super::preview;
+use crate::train::Stage;
 use crate::{InputError, Result};
 
-/// A step as it was noted: what of a [`StepRecord`](super::StepRecord) is looked at later.
+/// A step as it was noted: what of a [`StepRecord`](crate::train::StepRecord) is looked at later.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct NotedStep {
     /// The stage.
@@ -62,7 +62,7 @@ pub fn seconds_per_step(run: &Path) -> Result<Option<f64>> {
 /// # Errors
 /// [`Error::Io`] if their folder cannot be read.
 pub fn previews(run: &Path) -> Result<Vec<(u64, PathBuf)>> {
-    let folder = run.join(PREVIEWS);
+    let folder = run.join(preview::FOLDER);
     if !folder.is_dir() {
         return Ok(Vec::new());
     }

@@ -1,9 +1,8 @@
 //! A frame's body as arrays: its pose, resolved on the run's body model.
 
 use super::{Stored, rows};
-use crate::Result;
 use crate::body::{Pose, PoseAxisAngle};
-use crate::formats::{Array, ArrayMap};
+use crate::formats::{Array, ArrayMap, Result};
 
 pub(super) fn insert(arrays: &mut ArrayMap, pose: &Pose) {
     let numbers = |values: &[f32]| Array::from_f32(&[values.len()], values.to_vec());

@@ -5,10 +5,9 @@ use std::sync::Arc;
 use glam::Vec2;
 
 use super::{Stored, picture_array, rows};
-use crate::Result;
 use crate::body::BodyParameters;
 use crate::data::{FrameId, ScanFrame};
-use crate::formats::{Array, ArrayData, ArrayMap};
+use crate::formats::{Array, ArrayData, ArrayMap, Result};
 use crate::mesh::{Colouring, TriangleMesh};
 
 pub(super) fn to_arrays(frame: &ScanFrame) -> ArrayMap {

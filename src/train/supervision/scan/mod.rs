@@ -1,0 +1,112 @@
+//! A scan as supervision: its surface and the registered body's, each with the solid it bounds, and the parts' shares of the points.
+
+mod draw;
+
+use glam::Vec3;
+use rand_chacha::ChaCha8Rng;
+
+use super::part_shares::{PartShare, part_shares, whole_share};
+use super::{BYTES_A_FACE, RegisteredBody, Supervision, Surface, faces_of_part};
+use crate::Result;
+use crate::body::{Part, PartLabels, Registration, Role, Skeleton};
+use crate::config::{Config, HandSupervision, SamplingSettings, SamplingStrategy};
+use crate::data::ScanFrame;
+use crate::mesh::{SurfaceSampler, TriangleMesh};
+use crate::train::drawn::PosedSamples;
+
+/// Where a region's points are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Source {
+    Scan,
+    Registration,
+}
+
+/// A part of the surface and its share of P.
+struct Region {
+    source: Source,
+    part: Part,
+    share: f64,
+    sampler: SurfaceSampler,
+}
+
+/// A scan and the body registered to it.
+pub(super) struct ScanSupervision<'a> {
+    scan: Surface,
+    body: Surface,
+    registration: Registration<'a>,
+    regions: Vec<Region>,
+}
+
+impl Supervision for ScanSupervision<'_> {
+    fn draw(&self, config: &Config, random: &mut ChaCha8Rng) -> PosedSamples {
+        draw::draw(self, config, random)
+    }
+
+    // A scan is of the whole subject.
+    fn add_seen_vertices(&self, seen: &mut [bool]) {
+        seen.fill(true);
+    }
+
+    fn size(&self) -> usize {
+        BYTES_A_FACE * (self.scan.mesh.faces.len() + self.body.mesh.faces.len())
+    }
+}
+
+impl<'a> ScanSupervision<'a> {
+    pub fn new(frame: ScanFrame, body: RegisteredBody<'a>, config: &Config) -> Result<Self> {
+        let ScanFrame { mut scan, parameters, .. } = frame;
+        scan.vertices.iter_mut().for_each(|vertex| *vertex -= parameters.translation());
+        let RegisteredBody { mesh, skeleton, labels, registration } = body;
+        let regions = regions(&scan, &mesh, skeleton, labels, &registration, &config.sampling)?;
+        Ok(Self { scan: Surface::new(scan)?, body: Surface::new(mesh)?, registration, regions })
+    }
+
+    fn surface(&self, source: Source) -> &Surface {
+        match source {
+            Source::Scan => &self.scan,
+            Source::Registration => &self.body,
+        }
+    }
+}
+
+/// The parts' shares of P (METHOD section 4); half of the face's is around eyes and mouth.
+fn regions(
+    scan: &TriangleMesh,
+    body: &TriangleMesh,
+    skeleton: &Skeleton,
+    labels: &PartLabels,
+    registration: &Registration,
+    settings: &SamplingSettings,
+) -> Result<Vec<Region>> {
+    if settings.strategy == SamplingStrategy::Uniform {
+        let sampler = SurfaceSampler::new(scan, None)?;
+        let (part, share) = (Part::default(), whole_share(settings));
+        return Ok(vec![Region { source: Source::Scan, part, share, sampler }]);
+    }
+    let nearest: Vec<usize> = (0..scan.faces.len() as u32)
+        .map(|face| registration.nearest_vertex(scan.corners(face).into_iter().sum::<Vec3>() / 3.0))
+        .collect();
+    let scan_faces = |wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
+        (0..scan.faces.len()).filter(|face| wanted(nearest[*face])).map(|face| face as u32).collect()
+    };
+    let is_registered =
+        |part: Part| settings.hand_supervision == HandSupervision::Registration && skeleton.role(part) == Role::Hands;
+    let wanted = part_shares(skeleton, settings, |share| share / 2.0).into_iter().map(|of| match of {
+        PartShare { part, share, is_detail: true } => {
+            (Source::Scan, part, share, scan_faces(&|vertex| labels.parts[vertex] == part && labels.detail[vertex]))
+        }
+        PartShare { part, share, .. } if is_registered(part) => {
+            (Source::Registration, part, share, faces_of_part(body, labels, part))
+        }
+        PartShare { part, share, .. } => {
+            (Source::Scan, part, share, scan_faces(&|vertex| labels.parts[vertex] == part))
+        }
+    });
+    // A part that the frame does not show contributes nothing.
+    let wanted = wanted.filter(|(.., faces)| !faces.is_empty());
+    let region = |(source, part, share, faces): (Source, Part, f64, Vec<u32>)| {
+        let mesh = if source == Source::Scan { scan } else { body };
+        Ok(Region { source, part, share, sampler: SurfaceSampler::new(mesh, Some(&faces))? })
+    };
+    wanted.map(region).collect()
+}

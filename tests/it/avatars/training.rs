@@ -1,0 +1,132 @@
+//! The trainer above its engine: what comes late changes nothing, and a short training goes as it always did.
+
+use std::time::Instant;
+
+use xavatar::Result;
+use xavatar::config::{Config, LossSettings};
+use xavatar::fields::{FieldRates, PerField};
+use xavatar::synthetic::{BuiltInSubject, Split};
+use xavatar::train::engine::{CpuEngine, Engine, EngineInput, Learned, Outcome};
+use xavatar::train::losses::CanonicalBatch;
+use xavatar::train::{Drawn, Stage, StepRecord, Trainer, TrainingSpec};
+
+/// Settings of all trainings here: two steps of stage 0, four on frames.
+const SHORT: [(&str, &str); 5] = [
+    ("schedule.pretraining_steps", "2"),
+    ("schedule.steps", "4"),
+    ("schedule.minutes", "0"),
+    ("sampling.points", "300"),
+    ("sampling.far_points", "200"),
+];
+
+/// The preset, with fields so small that a step takes milliseconds.
+fn short(preset: &str) -> Config {
+    let small: &[(&str, &str)] = match preset {
+        "paper-scan" => &[
+            ("fields.geometry.width", "64"),
+            ("fields.texture.width", "64"),
+            ("fields.skinning.width", "32"),
+            ("losses.colour_from_epoch", "0"),
+            ("losses.eikonal", "0.1"),
+            ("losses.eikonal_points", "200"),
+        ],
+        _ => &[
+            ("fields.skinning.spacing", "0.08"),
+            ("fields.skinning.fine_spacing", "0.04"),
+            ("fields.geometry.grid.log2_entries", "13"),
+            ("fields.texture.grid.log2_entries", "13"),
+        ],
+    };
+    let settings = SHORT.iter().chain(small).map(|(key, value)| ((*key).to_owned(), (*value).to_owned()));
+    Config::preset_with(preset, &settings.collect::<Vec<_>>()).unwrap()
+}
+
+/// Trains to the end: all records, and what is learned.
+fn train(
+    config: &Config,
+    make: impl FnOnce(EngineInput) -> Result<Box<dyn Engine>>,
+) -> (Vec<StepRecord>, PerField<Vec<f32>>) {
+    let subject = BuiltInSubject::new().unwrap();
+    let source = subject.film(Split::Train, 3).unwrap();
+    let (body, labels) = (subject.model(), subject.part_labels());
+    let spec = TrainingSpec { config, source: &source, body, labels };
+    let seen = vec![true; body.vertex_count()];
+    let mut trainer = Trainer::with_engine(spec, &seen, Instant::now(), |_| Ok(()), make).unwrap();
+    let mut records = Vec::new();
+    while !trainer.is_done() {
+        records.extend(trainer.step().unwrap());
+    }
+    records.extend(trainer.settle().unwrap());
+    let (learned, _) = trainer.state().unwrap();
+    (records, learned.fields.parameters().map(<[f32]>::to_vec))
+}
+
+fn on_cpu(input: EngineInput) -> Result<Box<dyn Engine>> {
+    Ok(Box::new(CpuEngine::new(input)?))
+}
+
+/// Tells every outcome one step late, as an engine on a device would.
+struct Late {
+    engine: CpuEngine,
+    untold: Option<Outcome>,
+}
+
+impl Engine for Late {
+    fn pretrain(&mut self, batch: CanonicalBatch<f32>, losses: &LossSettings) -> Result<()> {
+        self.engine.pretrain(batch, losses)
+    }
+
+    fn begin(&mut self, step: u64) -> Result<()> {
+        self.engine.begin(step)
+    }
+
+    fn frame(&mut self, drawn: Drawn, losses: &LossSettings, share: f64) -> Result<()> {
+        self.engine.frame(drawn, losses, share)
+    }
+
+    fn update(&mut self, rates: &FieldRates) -> Result<Option<Outcome>> {
+        let outcome = self.engine.update(rates)?;
+        Ok(std::mem::replace(&mut self.untold, outcome))
+    }
+
+    fn settle(&mut self) -> Result<Option<Outcome>> {
+        Ok(self.untold.take())
+    }
+
+    fn learned(&mut self) -> Result<&Learned> {
+        self.engine.learned()
+    }
+}
+
+#[test]
+fn an_engine_may_tell_its_outcomes_one_step_late() {
+    let config = short("demo");
+    let (prompt, expected) = train(&config, on_cpu);
+    let (late, found) = train(&config, |input| Ok(Box::new(Late { engine: CpuEngine::new(input)?, untold: None })));
+    assert!(found == expected, "the parameters differ");
+    let told = |records: &[StepRecord]| -> Vec<_> {
+        records.iter().map(|record| (record.stage, record.step, record.frames.clone(), record.losses.clone())).collect()
+    };
+    assert_eq!(prompt.len(), 6);
+    assert_eq!(told(&late), told(&prompt));
+}
+
+/// Total losses of the steps of [`short`] trainings. They hold on any machine: threads and instructions change the last digits only.
+const TOTALS: [(&str, [f64; 6]); 2] = [("demo", [0.0; 6]), ("paper-scan", [0.0; 6])];
+
+// What is drawn, searched, weighed or updated in another way shows here, whatever the machine.
+#[test]
+fn a_short_training_goes_as_it_always_did() {
+    let mut all = Vec::new();
+    for (preset, expected) in TOTALS {
+        let (records, _) = train(&short(preset), on_cpu);
+        let stages: Vec<_> = records.iter().map(|record| record.stage).collect();
+        assert_eq!(stages, [[Stage::Pretraining; 2].as_slice(), &[Stage::Frames; 4]].concat());
+        let found: Vec<f64> = records.iter().map(|record| record.losses["total"]).collect();
+        let is_close = |(found, expected): (&f64, &f64)| (found - expected).abs() < 1e-3 * expected;
+        if !found.iter().zip(&expected).all(is_close) {
+            all.push(format!("{preset}: {found:?} not {expected:?}"));
+        }
+    }
+    assert!(all.is_empty(), "{all:?}");
+}
