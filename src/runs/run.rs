@@ -193,8 +193,7 @@ impl Session<'_, '_> {
         // Before the checkpoint they belong to: a run that goes on from it finds all of its steps noted, whenever the power fails.
         self.notes.sync()?;
         let (learned, progress) = self.trainer.state()?;
-        let kept = self.run.spec.config.schedule.checkpoints_kept;
-        let path = checkpoint::save(learned, progress, &self.run.folder, kept)?;
+        let path = checkpoint::save(learned, progress, &self.run.folder)?;
         self.observer.event(Event::Checkpoint { path: &path });
         Ok(())
     }
