@@ -3,7 +3,9 @@
 mod bvh_files;
 mod file_kinematics;
 mod kinematics;
+mod layouts;
 mod parameters;
+mod people;
 mod rest_poses;
 mod t_pose;
 
