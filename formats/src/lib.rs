@@ -34,6 +34,7 @@ mod picture_file;
 mod remedy;
 mod shown;
 mod tensor_file;
+mod text;
 mod torch;
 
 pub use array::{Array, ArrayData, ArrayMap};
@@ -51,4 +52,5 @@ pub use picture_file::{PICTURE_FORMATS, decode_picture, guarded, read_picture, w
 pub use remedy::{Choice, Remedy};
 pub use shown::{Shown, harmless};
 pub use tensor_file::{NamedTensors, TensorFile};
+pub use text::decode_text;
 pub use torch::{parse_torch, read_torch};
