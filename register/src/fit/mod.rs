@@ -1,0 +1,15 @@
+//! Fitting: from a first guess through stages to the poses of all frames, the subject's shape and its clothing.
+
+mod clothing;
+mod quality;
+mod schedule;
+mod sequence;
+mod start;
+mod subject;
+
+pub use clothing::Clothing;
+pub use quality::{FrameQuality, PartQuality};
+pub use schedule::{Freed, Stage};
+pub use sequence::{Frame, Sequence};
+pub use start::from_landmarks;
+pub use subject::{Fitter, Known, Shaped};

@@ -1,0 +1,132 @@
+//! A subject's fit from first to last: stages on some frames for shape and clothing, then every other frame with both known.
+
+use xavatar_body::{BodyModel, PartLabels};
+use xavatar_formats::Result;
+
+use super::clothing::Clothing;
+use super::schedule::{DRESSED, FROM_LANDMARKS, Freed, ROUNDS, STAGES, Stage};
+use super::sequence::{Frame, Sequence};
+use crate::landmarks::Sites;
+use crate::linear::{Besides, FramePose, Linkage, Unknowns};
+use crate::surface_model::{Density, SurfaceModel};
+use crate::terms::PosePrior;
+
+/// What a body model is to a fit.
+pub struct Fitter<'a> {
+    /// The model.
+    pub model: &'a BodyModel,
+    /// Its skeleton.
+    pub linkage: Linkage,
+    /// Its vertices.
+    pub surface: SurfaceModel,
+    /// Places that landmarks may be of.
+    pub sites: Sites,
+    /// What is known of its poses.
+    pub prior: PosePrior,
+}
+
+/// What all frames of a subject share.
+#[derive(Clone, Debug)]
+pub struct Shaped {
+    /// beta (S).
+    pub shape: Vec<f64>,
+    /// Its clothing.
+    pub clothing: Clothing,
+}
+
+/// What of a subject is known before.
+#[derive(Clone, Debug, Default)]
+pub struct Known {
+    /// beta, if it is held fixed.
+    pub shape: Option<Vec<f64>>,
+    /// Whether no clothes are worn.
+    pub bare: bool,
+}
+
+impl<'a> Fitter<'a> {
+    /// Prepares a body model with its parts.
+    pub fn new(model: &'a BodyModel, labels: &PartLabels, density: Density) -> Self {
+        let linkage = Linkage::of(model);
+        Self {
+            surface: SurfaceModel::of(model, &linkage, labels, density),
+            sites: Sites::of(model, &linkage),
+            prior: PosePrior::of(model),
+            linkage,
+            model,
+        }
+    }
+
+    /// What a stage solves for on this body.
+    pub fn unknowns(&self, stage: &Stage) -> Unknowns {
+        let names = &self.model.skeleton().joints;
+        let is_freed = |joint: &usize| {
+            let name = names[*joint].as_str();
+            let is_eye = name.ends_with("_eye") || name.ends_with("eye_smplhf");
+            let is_jaw = name == "jaw";
+            let is_finger = name.ends_with(['1', '2', '3']) && !name.starts_with("spine");
+            match stage.freed {
+                Freed::Body => !is_eye && !is_jaw && !is_finger,
+                Freed::Hands => is_finger || name.ends_with("wrist"),
+                Freed::Face => is_jaw || matches!(name, "neck" | "head"),
+                Freed::All => !is_eye,
+            }
+        };
+        let joints: Vec<usize> = (0..names.len()).filter(is_freed).collect();
+        Unknowns::new(self.linkage.extents(), &joints, stage.besides)
+    }
+
+    /// Finds shape, clothing and poses of frames together, from first guesses; `done` is told of every stage.
+    ///
+    /// # Errors
+    /// [`Error::Value`](xavatar_formats::Error::Value) if a body stops being a number.
+    pub fn fit(
+        &self,
+        starts: Vec<FramePose>,
+        frames: &[Frame],
+        known: &Known,
+        mut done: impl FnMut(&str, f64),
+    ) -> Result<(Shaped, Vec<FramePose>)> {
+        let shape = known.shape.clone().unwrap_or_else(|| vec![0.0; self.linkage.extents().shapes]);
+        let mut sequence = Sequence { poses: starts, shape };
+        let mut clothing = Clothing::assumed(self, known.bare);
+        let stages = self.stages(frames, known.shape.is_none());
+        let total = (stages.len() + ROUNDS) as f64;
+        for (index, stage) in stages.iter().enumerate() {
+            done(stage.name, index as f64 / total);
+            sequence.run(self, stage, frames, &clothing.thickness)?;
+        }
+        let dressed = shape_freed(DRESSED, known.shape.is_none());
+        for round in 0..ROUNDS {
+            done(dressed.name, (stages.len() + round) as f64 / total);
+            clothing.learn(self, &sequence, frames)?;
+            sequence.run(self, &dressed, frames, &clothing.thickness)?;
+        }
+        Ok((Shaped { shape: sequence.shape, clothing }, sequence.poses))
+    }
+
+    /// Finds the pose of one frame, shape and clothing being known.
+    ///
+    /// # Errors
+    /// As [`fit`](Self::fit).
+    pub fn fit_pose(&self, start: FramePose, frame: &Frame, shaped: &Shaped) -> Result<FramePose> {
+        let mut sequence = Sequence { poses: vec![start], shape: shaped.shape.clone() };
+        let frames = std::slice::from_ref(frame);
+        let mut stages = self.stages(frames, false);
+        stages.push(shape_freed(Stage { steps: 2 * DRESSED.steps, ..DRESSED }, false));
+        for stage in &stages {
+            sequence.run(self, stage, frames, &shaped.clothing.thickness)?;
+        }
+        Ok(sequence.poses.remove(0))
+    }
+
+    fn stages(&self, frames: &[Frame], shape: bool) -> Vec<Stage> {
+        let has_landmarks = frames.iter().any(|frame| !frame.landmarks.is_empty());
+        let first = FROM_LANDMARKS.iter().filter(|_| has_landmarks);
+        first.chain(&STAGES).map(|stage| shape_freed(*stage, shape)).collect()
+    }
+}
+
+/// The stage, with the shape held fixed unless it may be solved for.
+fn shape_freed(stage: Stage, freed: bool) -> Stage {
+    Stage { besides: Besides { shape: stage.besides.shape && freed, ..stage.besides }, ..stage }
+}
