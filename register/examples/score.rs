@@ -25,6 +25,7 @@ const MISSING: f64 = 0.2;
 
 struct Truth {
     name: String,
+    pose: xavatar_body::Pose,
     vertices: Vec<Vec3>,
     joints: Vec<Vec3>,
     /// By vertex, whether its hand is in the scan; true of all else.
@@ -50,14 +51,14 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let frames: Vec<Frame> = train.iter().map(|(_, frame)| frame.clone()).collect();
     let starts = frames.iter().map(start).collect::<std::result::Result<Vec<_>, _>>()?;
     let began = Instant::now();
-    let (shaped, poses) = fitter.fit(starts, &frames, &Known::default(), |stage, share| {
+    let (shaped, mut poses) = fitter.fit(starts, &frames, &Known::default(), |stage, share| {
         eprintln!("{:5.1} s {:3.0} % {stage}", began.elapsed().as_secs_f64(), share * 100.0);
     })?;
+    let qualities = fitter.refit(&mut poses, &frames, &shaped)?;
     println!("{} frames together: {:.2} s a frame", frames.len(), began.elapsed().as_secs_f64() / frames.len() as f64);
     println!("shape {:.2?} of {:.2?}", shaped.shape, subject.betas);
     report(&fitter, &labels, &shaped.shape, train.iter().map(|(truth, _)| truth).zip(&poses).collect::<Vec<_>>().as_slice())?;
-    let sequence = xavatar_register::fit::Sequence { poses: poses.clone(), shape: shaped.shape.clone() };
-    for (quality, (truth, _)) in fitter.qualities(&sequence, &frames, &shaped.clothing.thickness)?.iter().zip(&train) {
+    for (quality, (truth, _)) in qualities.iter().zip(&train) {
         let parts = quality.parts.iter().map(|(name, part)| format!("{name} {:.1} mm, far {:.2}", part.median_mm, part.far));
         println!("{} uncovered {:.3} limits {} {}", truth.name, quality.uncovered, quality.beyond_limits, parts.collect::<Vec<_>>().join("; "));
     }
@@ -66,6 +67,8 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     for (_, frame) in &test {
         others.push(fitter.fit_pose(start(frame)?, frame, &shaped)?);
     }
+    let frames: Vec<Frame> = test.iter().map(|(_, frame)| frame.clone()).collect();
+    fitter.refit(&mut others, &frames, &shaped)?;
     println!("{} frames alone: {:.2} s a frame", test.len(), began.elapsed().as_secs_f64() / test.len().max(1) as f64);
     report(&fitter, &labels, &shaped.shape, test.iter().map(|(truth, _)| truth).zip(&others).collect::<Vec<_>>().as_slice())?;
     Ok(())
@@ -107,7 +110,7 @@ fn prepared(fitter: &Fitter<'_>, labels: &PartLabels, frame: ScanFrame, random: 
             hand.into_iter().for_each(|vertex| visible[vertex] = false);
         }
     }
-    let truth = Truth { name: frame.id.to_string(), vertices: posed.vertices, joints: posed.joints, visible };
+    let truth = Truth { name: frame.id.to_string(), pose, vertices: posed.vertices, joints: posed.joints, visible };
     Ok((truth, Frame { scan: Arc::new(scan), landmarks }))
 }
 
@@ -120,7 +123,7 @@ fn report(fitter: &Fitter<'_>, labels: &PartLabels, shape: &[f64], frames: &[(&T
     let roles: Vec<Role> = labels.parts.iter().map(|part| skeleton.role(*part)).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let mut rows = Vec::new();
-    println!("{:<20} {:>6} {:>6} {:>6} {:>6} {:>6}", "mm", "all", "body", "joints", "hands", "face");
+    println!("{:<20} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6}", "mm", "all", "body", "joints", "left", "right", "face");
     for (truth, pose) in frames {
         let posed = fitter.model.pose(&pose.pose(shape))?;
         let errors: Vec<f64> = posed.vertices.iter().zip(&truth.vertices).map(|(a, b)| 1e3 * f64::from(a.distance(*b))).collect();
@@ -130,8 +133,15 @@ fn report(fitter: &Fitter<'_>, labels: &PartLabels, shape: &[f64], frames: &[(&T
         };
         let joints: Vec<f64> = (0..22).map(|joint| 1e3 * f64::from(posed.joints[joint].distance(truth.joints[joint]))).collect();
         let role = |role: Role| of(&|vertex| roles[vertex] == role);
-        let row = [of(&|_| true), role(Role::Body), mean(&joints), role(Role::Hands), role(Role::Face)];
+        let hands: Vec<_> = skeleton.parts_of(Role::Hands).collect();
+        let hand = |side: usize| of(&|vertex| hands.get(side) == Some(&labels.parts[vertex]));
+        let row = [of(&|_| true), role(Role::Body), mean(&joints), hand(0), hand(1), role(Role::Face)];
         println!("{:<20} {}", truth.name, row.map(|value| format!("{value:6.1}")).join(" "));
+        if std::env::var("JOINTS").is_ok_and(|name| truth.name.ends_with(&name)) {
+            for (joint, name) in skeleton.joints.iter().enumerate() {
+                println!("   {name} {:.0}   {:.2} true {:.2}", 1e3 * posed.joints[joint].distance(truth.joints[joint]), pose.pose(shape).rotations[joint].0, truth.pose.rotations[joint].0);
+            }
+        }
         rows.push(row);
     }
     let column = |index: usize| {
@@ -140,7 +150,7 @@ fn report(fitter: &Fitter<'_>, labels: &PartLabels, shape: &[f64], frames: &[(&T
         values
     };
     for (name, of) in [("median", &(|v: &[f64]| v[v.len() / 2]) as &dyn Fn(&[f64]) -> f64), ("mean", &mean)] {
-        println!("{name:<20} {}", [0, 1, 2, 3, 4].map(|index| format!("{:6.1}", of(&column(index)))).join(" "));
+        println!("{name:<20} {}", [0, 1, 2, 3, 4, 5].map(|index| format!("{:6.1}", match column(index) { values if values.is_empty() => f64::NAN, values => of(&values) })).join(" "));
     }
     println!("jitter {:.2} mm", jitter(fitter, shape, frames));
     Ok(())

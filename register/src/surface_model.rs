@@ -104,6 +104,24 @@ impl SurfaceModel {
         }
     }
 
+    /// Those of its vertices that are of one part.
+    #[must_use]
+    pub fn of_part(&self, part: Part) -> Self {
+        let kept: Vec<usize> = (0..self.len()).filter(|vertex| self.parts[*vertex] == part).collect();
+        fn chosen<T: Clone>(all: &[T], kept: &[usize]) -> Vec<T> {
+            kept.iter().map(|index| all[*index].clone()).collect()
+        }
+        Self {
+            vertices: chosen(&self.vertices, &kept),
+            parts: chosen(&self.parts, &kept),
+            roles: chosen(&self.roles, &kept),
+            weights: chosen(&self.weights, &kept),
+            rest: chosen(&self.rest, &kept),
+            normals: chosen(&self.normals, &kept),
+            points: self.points.chosen(&kept),
+        }
+    }
+
     /// N.
     pub fn len(&self) -> usize {
         self.vertices.len()

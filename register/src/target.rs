@@ -49,6 +49,13 @@ impl ScanTarget {
         Ok(target)
     }
 
+    /// The points within a distance of a place, if there are any.
+    pub fn around(&self, middle: DVec3, distance: f64) -> Option<Self> {
+        let near = self.points.iter().zip(&self.normals).filter(|(point, _)| point.distance(middle) <= distance);
+        let (points, normals): (Vec<DVec3>, Vec<DVec3>) = near.map(|(point, normal)| (*point, *normal)).unzip();
+        (!points.is_empty()).then_some(Self { points, normals })
+    }
+
     /// The points.
     pub fn points(&self) -> &[DVec3] {
         &self.points

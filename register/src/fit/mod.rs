@@ -1,7 +1,9 @@
 //! Fitting: from a first guess through stages to the poses of all frames, the subject's shape and its clothing.
 
 mod clothing;
+mod hands;
 mod quality;
+mod refit;
 mod schedule;
 mod sequence;
 mod start;
@@ -9,6 +11,7 @@ mod subject;
 
 pub use clothing::Clothing;
 pub use quality::{FrameQuality, PartQuality};
+pub use refit::doubtful;
 pub use schedule::{Freed, Stage};
 pub use sequence::{Frame, Sequence};
 pub use start::from_landmarks;

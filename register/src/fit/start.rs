@@ -12,19 +12,27 @@ const ARMS_DOWN: f64 = 1.0;
 /// Joints whose distances no pose changes much.
 const TORSO: [&str; 7] = ["pelvis", "left_hip", "right_hip", "neck", "left_shoulder", "right_shoulder", "spine3"];
 
-/// A pose to start from, if enough of the torso was seen to say where it is and which way it faces.
+/// A pose to start from, if enough was seen to say where the body is and which way it faces: of the torso, or else of all joints.
 pub fn from_landmarks(linkage: &Linkage, sites: &Sites, prior: &PosePrior, seen: &[Seen]) -> Option<FramePose> {
-    let of_torso = |one: &Seen| {
-        let site = sites.site(one.site);
-        let Site::Joint(joint) = site.at else { return None };
-        TORSO.contains(&site.name.as_str()).then_some((joint, one.place, one.confidence))
+    let of_joints = |only: &[&str]| -> Vec<(usize, DVec3, f64)> {
+        let of_joint = |one: &Seen| {
+            let site = sites.site(one.site);
+            let Site::Joint(joint) = site.at else { return None };
+            let is_wanted = one.confidence > 0.0 && (only.is_empty() || only.contains(&site.name.as_str()));
+            is_wanted.then_some((joint, one.place, one.confidence * site.weight))
+        };
+        seen.iter().filter_map(of_joint).collect()
     };
-    let torso: Vec<(usize, DVec3, f64)> = seen.iter().filter_map(of_torso).filter(|(_, _, weight)| *weight > 0.0).collect();
+    placed(linkage, sites, prior, &of_joints(&TORSO)).or_else(|| placed(linkage, sites, prior, &of_joints(&[])))
+}
+
+/// The body at rest but for its arms, turned and moved onto joints: number, place and weight of each.
+fn placed(linkage: &Linkage, sites: &Sites, prior: &PosePrior, torso: &[(usize, DVec3, f64)]) -> Option<FramePose> {
     let total: f64 = torso.iter().map(|(_, _, weight)| weight).sum();
     let mean = |place: &dyn Fn(&(usize, DVec3, f64)) -> DVec3| torso.iter().map(|one| place(one) * one.2).sum::<DVec3>() / total;
     let (of_body, of_scan) = (mean(&|one| linkage.rest()[one.0]), mean(&|one| one.1));
     let mut covariance = Matrix3::zeros();
-    for (joint, place, weight) in &torso {
+    for (joint, place, weight) in torso {
         let (from, to) = (linkage.rest()[*joint] - of_body, *place - of_scan);
         covariance += Matrix3::from_fn(|row, column| from[row] * to[column]) * *weight;
     }

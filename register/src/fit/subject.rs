@@ -1,5 +1,6 @@
 //! A subject's fit from first to last: stages on some frames for shape and clothing, then every other frame with both known.
 
+use rayon::prelude::*;
 use xavatar_body::{BodyModel, PartLabels};
 use xavatar_formats::Result;
 
@@ -94,6 +95,9 @@ impl<'a> Fitter<'a> {
         for (index, stage) in stages.iter().enumerate() {
             done(stage.name, index as f64 / total);
             sequence.run(self, stage, frames, &clothing.thickness)?;
+            if stage.freed == Freed::Hands && stage.surface.is_some() {
+                self.settle_hands(&mut sequence, frames)?;
+            }
         }
         let dressed = shape_freed(DRESSED, known.shape.is_none());
         for round in 0..ROUNDS {
@@ -112,11 +116,22 @@ impl<'a> Fitter<'a> {
         let mut sequence = Sequence { poses: vec![start], shape: shaped.shape.clone() };
         let frames = std::slice::from_ref(frame);
         let mut stages = self.stages(frames, false);
-        stages.push(shape_freed(Stage { steps: 2 * DRESSED.steps, ..DRESSED }, false));
+        stages.push(shape_freed(Stage { steps: 4 * DRESSED.steps, ..DRESSED }, false));
         for stage in &stages {
             sequence.run(self, stage, frames, &shaped.clothing.thickness)?;
+            if stage.freed == Freed::Hands && stage.surface.is_some() {
+                self.settle_hands(&mut sequence, frames)?;
+            }
         }
         Ok(sequence.poses.remove(0))
+    }
+
+    /// Bends the fingers of every frame as they lie best.
+    fn settle_hands(&self, sequence: &mut Sequence, frames: &[Frame]) -> Result<()> {
+        let (hands, shape) = (self.hands(), &sequence.shape);
+        let settled = |(pose, frame): (&FramePose, &Frame)| hands.iter().try_fold(pose.clone(), |pose, hand| hand.settled(pose, shape, frame));
+        sequence.poses = sequence.poses.par_iter().zip(frames).map(settled).collect::<Result<_>>()?;
+        Ok(())
     }
 
     fn stages(&self, frames: &[Frame], shape: bool) -> Vec<Stage> {

@@ -92,6 +92,12 @@ impl BodyPoints {
         Self { points: vertices.iter().map(point).collect() }
     }
 
+    /// Some of them, by their places among these.
+    #[must_use]
+    pub fn chosen(&self, places: &[usize]) -> Self {
+        Self { points: places.iter().map(|place| self.points[*place].clone()).collect() }
+    }
+
     /// N.
     pub fn len(&self) -> usize {
         self.points.len()

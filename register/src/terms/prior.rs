@@ -39,6 +39,11 @@ impl PosePrior {
         self.joints.iter().map(|joint| joint.mean).enumerate()
     }
 
+    /// The mean turn of one joint.
+    pub fn mean(&self, joint: usize) -> DVec3 {
+        self.joints[joint].mean
+    }
+
     /// The components of a pose that are beyond their limits: joint, axis, and by how much.
     pub fn beyond_limits(&self, pose: &FramePose) -> Vec<(usize, usize, f64)> {
         let turns = pose.rotations.iter().map(so3::log).enumerate().skip(1);
