@@ -14,7 +14,7 @@ use rand_distr::StandardNormal;
 use xavatar_body::{BodyModel, PartLabels, Registration, Role};
 use xavatar_data::{ScanFrame, Split, Subject, read_frame};
 use xavatar_formats::Result;
-use xavatar_register::fit::{Fitter, Frame, Known, from_landmarks};
+use xavatar_register::fit::{Fitter, Frame, Known, Start, from_landmarks};
 use xavatar_register::landmarks::{Seen, Site, believed};
 use xavatar_register::linear::FramePose;
 use xavatar_register::surface_model::Density;
@@ -49,6 +49,9 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let (train, test) = (read(Split::Train)?, read(Split::Test)?);
     let start = |frame: &Frame| from_landmarks(&fitter.linkage, &fitter.sites, &fitter.prior, &frame.landmarks).ok_or("no torso");
     let frames: Vec<Frame> = train.iter().map(|(_, frame)| frame.clone()).collect();
+    if arguments.iter().any(|argument| argument == "--geometry-only") {
+        return geometry_only(&model, &labels, &train, &frames);
+    }
     let starts = frames.iter().map(start).collect::<std::result::Result<Vec<_>, _>>()?;
     let began = Instant::now();
     let (shaped, mut poses) = fitter.fit(starts, &frames, &Known::default(), |stage, share| {
@@ -65,12 +68,30 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let began = Instant::now();
     let mut others = Vec::new();
     for (_, frame) in &test {
-        others.push(fitter.fit_pose(start(frame)?, frame, &shaped)?);
+        others.push(fitter.fit_pose(Start::FromLandmarks(start(frame)?), frame, &shaped)?);
     }
     let frames: Vec<Frame> = test.iter().map(|(_, frame)| frame.clone()).collect();
     fitter.refit(&mut others, &frames, &shaped)?;
     println!("{} frames alone: {:.2} s a frame", test.len(), began.elapsed().as_secs_f64() / test.len().max(1) as f64);
     report(&fitter, &labels, &shaped.shape, test.iter().map(|(truth, _)| truth).zip(&others).collect::<Vec<_>>().as_slice())?;
+    Ok(())
+}
+
+/// How far guesses from the scans' shape alone are from the truth, with their scores.
+fn geometry_only(
+    model: &BodyModel,
+    labels: &PartLabels,
+    train: &[(Truth, Frame)],
+    frames: &[Frame],
+) -> std::result::Result<(), Box<dyn std::error::Error>> {
+    let coarse = Fitter::new(model, labels, Density::COARSE);
+    for (frame, (truth, _)) in frames.iter().zip(train) {
+        let began = Instant::now();
+        let Some(guess) = coarse.guess(&Frame { scan: frame.scan.clone(), landmarks: Vec::new() })? else { continue };
+        let joints = model.pose(&guess.pose.pose(&guess.shape))?.joints;
+        let error = (0..22).map(|joint| 1e3 * f64::from(joints[joint].distance(truth.joints[joint]))).sum::<f64>() / 22.0;
+        println!("{} score {:.1} joints {error:.0} mm, {:.1} s", truth.name, 1e3 * guess.score, began.elapsed().as_secs_f64());
+    }
     Ok(())
 }
 

@@ -14,7 +14,7 @@ use super::sequence::{Frame, Sequence};
 use super::subject::Fitter;
 use crate::landmarks::Site;
 use crate::linear::{Besides, FramePose, so3};
-use crate::target::{IndexedTarget, OrientedIndex};
+use crate::target::{IndexedTarget, OrientedIndex, Seekers};
 use crate::terms::{LandmarkTerm, SurfaceTerm};
 
 /// How far a finger's joints are bent in what is tried, radians each.
@@ -34,7 +34,7 @@ const STAGE: Stage = Stage {
     freed: Freed::Hands,
     besides: Besides { translation: false, expression: false, shape: false },
     steps: 5,
-    surface: Some(SurfaceTerm { normal_weight: 0.02, reach: 0.02, deviation: 0.004, along: 0.0 }),
+    surface: Some(SurfaceTerm { normal_weight: 0.02, reach: 0.02, deviation: 0.004, seekers: Seekers::All, along: 0.0 }),
     landmarks: Some(LandmarkTerm { deviation: 0.015, reach: 0.04, with_vertices: true }),
     shape_prior: 0.0,
     expression_prior: 0.0,

@@ -2,6 +2,7 @@
 
 mod clothing;
 mod hands;
+mod multistart;
 mod quality;
 mod refit;
 mod schedule;
@@ -10,9 +11,10 @@ mod start;
 mod subject;
 
 pub use clothing::Clothing;
+pub use multistart::{GOOD, Guess};
 pub use quality::{FrameQuality, PartQuality};
 pub use refit::doubtful;
 pub use schedule::{Freed, Stage};
 pub use sequence::{Frame, Sequence};
 pub use start::from_landmarks;
-pub use subject::{Fitter, Known, Shaped};
+pub use subject::{Fitter, Known, Shaped, Start};

@@ -5,7 +5,7 @@ use xavatar_formats::Result;
 
 use super::quality::FrameQuality;
 use super::sequence::{Frame, Sequence};
-use super::subject::{Fitter, Shaped};
+use super::subject::{Fitter, Shaped, Start};
 use crate::linear::FramePose;
 
 /// Share of the body that may be far from the scan.
@@ -55,7 +55,7 @@ impl Fitter<'_> {
             for other in before.chain(after).collect::<Vec<_>>() {
                 let mut start = poses[other].clone();
                 start.translation += middle(&frames[place]) - middle(&frames[other]);
-                let pose = self.fit_pose(start, &frames[place], shaped)?;
+                let pose = self.fit_pose(Start::FromElsewhere(start), &frames[place], shaped)?;
                 let quality = self.qualities(&of(vec![pose.clone()]), &frames[place..=place], thickness)?.remove(0);
                 if quality.misfit() < qualities[place].misfit() {
                     (poses[place], qualities[place]) = (pose, quality);

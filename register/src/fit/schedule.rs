@@ -3,6 +3,7 @@
 //! From landmarks alone to a tight fit: reach and deviation shrink, landmarks fade. Lengths in metres.
 
 use crate::linear::Besides;
+use crate::target::Seekers;
 use crate::terms::{LandmarkTerm, SurfaceTerm};
 
 /// The joints that a stage turns.
@@ -40,7 +41,7 @@ pub struct Stage {
 }
 
 const fn surface(normal_weight: f64, reach: f64, deviation: f64) -> Option<SurfaceTerm> {
-    Some(SurfaceTerm { normal_weight, reach, deviation, along: 0.0 })
+    Some(SurfaceTerm { normal_weight, reach, deviation, seekers: Seekers::All, along: 0.0 })
 }
 
 const fn landmarks(deviation: f64, reach: f64, with_vertices: bool) -> Option<LandmarkTerm> {
@@ -76,6 +77,28 @@ pub const FROM_LANDMARKS: [Stage; 3] = [
         ..BASIS
     },
     Stage { name: "hands, landmarks", freed: Freed::Hands, besides: STILL, steps: 4, landmarks: landmarks(0.008, 0.05, true), ..BASIS },
+];
+
+/// From a guess or from another frame's pose: bodies that are far from the scan find their way to it, along it too.
+pub const COARSE: [Stage; 2] = [
+    Stage {
+        name: "body, far from the scan",
+        besides: SHAPED,
+        steps: 8,
+        surface: Some(SurfaceTerm { normal_weight: 0.15, reach: 0.3, deviation: 0.03, seekers: Seekers::Few, along: 0.3 }),
+        landmarks: landmarks(0.03, 0.3, false),
+        shape_prior: 5.0,
+        ..BASIS
+    },
+    Stage {
+        name: "body, nearer",
+        besides: SHAPED,
+        steps: 8,
+        surface: Some(SurfaceTerm { normal_weight: 0.08, reach: 0.12, deviation: 0.02, seekers: Seekers::Few, along: 0.1 }),
+        landmarks: landmarks(0.03, 0.12, false),
+        shape_prior: 3.0,
+        ..BASIS
+    },
 ];
 
 /// From scan and landmarks, with clothing of an assumed thickness.

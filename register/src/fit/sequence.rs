@@ -14,7 +14,7 @@ use super::schedule::Stage;
 use super::subject::Fitter;
 use crate::landmarks::Seen;
 use crate::linear::{FramePose, NormalEquations, Unknowns};
-use crate::target::{IndexedTarget, ScanTarget, Seekers};
+use crate::target::{IndexedTarget, ScanTarget};
 use crate::terms::{Dressed, add_expression};
 
 /// Damping: share of the diagonal that is added to it.
@@ -151,7 +151,7 @@ impl Fitter<'_> {
         let posed = self.surface.posed(&self.linkage, pose, shape);
         if let (Some(term), Some(scan)) = (&stage.surface, scan) {
             let body = Dressed { linkage: &self.linkage, model: &self.surface, clothing };
-            term.add(body, &posed, scan, Seekers::All, unknowns, &mut equations)?;
+            term.add(body, &posed, scan, unknowns, &mut equations)?;
         }
         if let Some(term) = &stage.landmarks {
             term.add(&self.linkage, &self.sites, &frame.landmarks, &posed.chain, unknowns, &mut equations);

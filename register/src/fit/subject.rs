@@ -5,7 +5,7 @@ use xavatar_body::{BodyModel, PartLabels};
 use xavatar_formats::Result;
 
 use super::clothing::Clothing;
-use super::schedule::{DRESSED, FROM_LANDMARKS, Freed, ROUNDS, STAGES, Stage};
+use super::schedule::{COARSE, DRESSED, FROM_LANDMARKS, Freed, ROUNDS, STAGES, Stage};
 use super::sequence::{Frame, Sequence};
 use crate::landmarks::Sites;
 use crate::linear::{Besides, FramePose, Linkage, Unknowns};
@@ -42,6 +42,15 @@ pub struct Known {
     pub shape: Option<Vec<f64>>,
     /// Whether no clothes are worn.
     pub bare: bool,
+}
+
+/// Where the fit of one frame begins.
+#[derive(Clone, Debug)]
+pub enum Start {
+    /// At the guess that its landmarks gave.
+    FromLandmarks(FramePose),
+    /// At another frame's pose, or at a guess from the scan's shape.
+    FromElsewhere(FramePose),
 }
 
 impl<'a> Fitter<'a> {
@@ -112,10 +121,14 @@ impl<'a> Fitter<'a> {
     ///
     /// # Errors
     /// As [`fit`](Self::fit).
-    pub fn fit_pose(&self, start: FramePose, frame: &Frame, shaped: &Shaped) -> Result<FramePose> {
-        let mut sequence = Sequence { poses: vec![start], shape: shaped.shape.clone() };
+    pub fn fit_pose(&self, start: Start, frame: &Frame, shaped: &Shaped) -> Result<FramePose> {
+        let (pose, first): (_, &[Stage]) = match start {
+            Start::FromLandmarks(pose) => (pose, &FROM_LANDMARKS),
+            Start::FromElsewhere(pose) => (pose, &COARSE),
+        };
+        let mut sequence = Sequence { poses: vec![pose], shape: shaped.shape.clone() };
         let frames = std::slice::from_ref(frame);
-        let mut stages = self.stages(frames, false);
+        let mut stages: Vec<Stage> = first.iter().chain(&STAGES).map(|stage| shape_freed(*stage, false)).collect();
         stages.push(shape_freed(Stage { steps: 4 * DRESSED.steps, ..DRESSED }, false));
         for stage in &stages {
             sequence.run(self, stage, frames, &shaped.clothing.thickness)?;

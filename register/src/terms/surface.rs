@@ -20,6 +20,8 @@ pub struct SurfaceTerm {
     pub reach: f64,
     /// Deviation that costs 1, metres.
     pub deviation: f64,
+    /// How many of the scan's points look for their place on the body.
+    pub seekers: Seekers,
     /// What a deviation along the surface counts, of one across it.
     pub along: f64,
 }
@@ -45,13 +47,12 @@ impl SurfaceTerm {
         body: Dressed<'_>,
         posed: &PosedSurface,
         scan: &IndexedTarget,
-        seekers: Seekers,
         unknowns: &Unknowns,
         equations: &mut NormalEquations,
     ) -> Result<()> {
         let mut adder = Adder { term: self, body, posed, unknowns, equations, row: Row::default() };
         adder.body_to_scan(scan);
-        adder.scan_to_body(scan, seekers)
+        adder.scan_to_body(scan)
     }
 }
 
@@ -80,12 +81,12 @@ impl Adder<'_> {
         }
     }
 
-    fn scan_to_body(&mut self, scan: &IndexedTarget, seekers: Seekers) -> Result<()> {
+    fn scan_to_body(&mut self, scan: &IndexedTarget) -> Result<()> {
         let count = self.body.model.len();
         let outsides: Vec<DVec3> = (0..count).map(|vertex| self.outside(vertex)).collect();
         let index = OrientedIndex::new(&outsides, &self.posed.normals, self.term.normal_weight)?;
         let mut sums = vec![(0.0, DVec3::ZERO); count];
-        let seekers = scan.target.seekers(seekers);
+        let seekers = scan.target.seekers(self.term.seekers);
         let share = TOTAL_WEIGHT / seekers.len() as f64;
         for (point, normal) in seekers {
             let (vertex, _) = index.nearest(point, normal);
