@@ -83,6 +83,12 @@ impl ScanTarget {
         OrientedIndex::new(&self.points, &self.normals, normal_weight)
     }
 
+    /// The middle of the box around the points.
+    pub fn middle(&self) -> DVec3 {
+        let [low, high] = self.bounds();
+        (low + high) / 2.0
+    }
+
     /// The lowest and the highest corner of the box around the points.
     pub fn bounds(&self) -> [DVec3; 2] {
         let fold = |start: DVec3, of: fn(DVec3, DVec3) -> DVec3| self.points.iter().copied().fold(start, of);

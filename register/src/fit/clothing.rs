@@ -53,6 +53,12 @@ impl Clothing {
         Self { thickness, spread: vec![f64::NAN; surface.len()], bare, neighbours: Arc::new(neighbours) }
     }
 
+    /// The same of known thickness and spread (N).
+    #[must_use]
+    pub fn measured(self, thickness: Vec<f64>, spread: Vec<f64>) -> Self {
+        Self { thickness, spread, ..self }
+    }
+
     /// What the frames show, given their poses.
     ///
     /// # Errors

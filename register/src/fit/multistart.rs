@@ -33,7 +33,7 @@ const KEPT: [usize; 2] = [2, 4];
 const SCORE: [f64; 2] = [0.06, 0.15];
 
 /// Guesses that score less are right, metres.
-pub const GOOD: f64 = 0.066;
+pub const GOOD: f64 = 0.0615;
 
 /// A pose found without landmarks.
 #[derive(Clone, Debug)]

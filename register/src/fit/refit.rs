@@ -1,6 +1,5 @@
 //! Frames that ended in the wrong place, found by what can be measured, and tried again from the poses of frames near them.
 
-use glam::DVec3;
 use xavatar_formats::Result;
 
 use super::quality::FrameQuality;
@@ -54,7 +53,7 @@ impl Fitter<'_> {
             let after = (place + 1..poses.len()).filter(|other| !bad[*other]).take(NEIGHBOURS);
             for other in before.chain(after).collect::<Vec<_>>() {
                 let mut start = poses[other].clone();
-                start.translation += middle(&frames[place]) - middle(&frames[other]);
+                start.translation += frames[place].scan.middle() - frames[other].scan.middle();
                 let pose = self.fit_pose(Start::FromElsewhere(start), &frames[place], shaped)?;
                 let quality = self.qualities(&of(vec![pose.clone()]), &frames[place..=place], thickness)?.remove(0);
                 if quality.misfit() < qualities[place].misfit() {
@@ -64,10 +63,4 @@ impl Fitter<'_> {
         }
         Ok(qualities)
     }
-}
-
-/// The middle of the box around a frame's scan.
-fn middle(frame: &Frame) -> DVec3 {
-    let [low, high] = frame.scan.bounds();
-    (low + high) / 2.0
 }

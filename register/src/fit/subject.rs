@@ -53,6 +53,15 @@ pub enum Start {
     FromElsewhere(FramePose),
 }
 
+impl Start {
+    /// The pose.
+    pub fn into_pose(self) -> FramePose {
+        match self {
+            Self::FromLandmarks(pose) | Self::FromElsewhere(pose) => pose,
+        }
+    }
+}
+
 impl<'a> Fitter<'a> {
     /// Prepares a body model with its parts.
     pub fn new(model: &'a BodyModel, labels: &PartLabels, density: Density) -> Self {
@@ -149,8 +158,8 @@ impl<'a> Fitter<'a> {
 
     fn stages(&self, frames: &[Frame], shape: bool) -> Vec<Stage> {
         let has_landmarks = frames.iter().any(|frame| !frame.landmarks.is_empty());
-        let first = FROM_LANDMARKS.iter().filter(|_| has_landmarks);
-        first.chain(&STAGES).map(|stage| shape_freed(*stage, shape)).collect()
+        let first: &[Stage] = if has_landmarks { &FROM_LANDMARKS } else { &COARSE };
+        first.iter().chain(&STAGES).map(|stage| shape_freed(*stage, shape)).collect()
     }
 }
 
