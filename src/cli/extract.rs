@@ -56,7 +56,7 @@ impl Extract {
         let Extraction { mesh, dropped_components } = match (&self.pose, &self.body) {
             (Some(pose), Some(body)) => {
                 let (body, labels) = load_body(body, avatar.subject.gender)?;
-                let rest = RestPose::of_canonical(&avatar.subject.joints)?;
+                let rest = RestPose::of_canonical(&avatar.subject.skeleton, &avatar.subject.joints);
                 let clip = load_clip(pose, &MotionOptions { rest, ..MotionOptions::default() })?;
                 super::motion::warn(&clip);
                 let first = clip.poses(Some(&body))?.into_iter().next();

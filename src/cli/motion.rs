@@ -141,7 +141,7 @@ impl MotionArguments {
                 Travel::Origin => Translation::FromOrigin,
                 Travel::None => Translation::None,
             },
-            rest: RestPose::of_canonical(&avatar.subject.joints)?,
+            rest: RestPose::of_canonical(&avatar.subject.skeleton, &avatar.subject.joints),
             bone_map: self.bones.as_deref().map(read_bone_map).transpose()?,
         })
     }

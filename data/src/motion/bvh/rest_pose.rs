@@ -6,11 +6,11 @@
 //! which they lie most as in a T-pose, and turned about themselves as knees and elbows bend.
 
 use glam::{DQuat, DVec3};
-use xavatar_body::smplx;
+use xavatar_body::smplx::{self, joint};
 
 use super::alignment::{Axes, Reference, Roll};
 use super::hinges::HINGES;
-use super::stance::Stance;
+use super::stance::{ANKLES, COLLARS, ELBOWS, HIPS, KNEES, SHOULDERS, Stance};
 use super::upright::WorldUp;
 
 /// Degrees within which the parts of a body standing are of where the T-pose has them.
@@ -47,11 +47,13 @@ impl Part {
 
     pub(super) fn of(joint: usize) -> Self {
         match joint {
-            1 | 2 | 4 | 5 => Self::Legs,
-            7 | 10 => Self::LeftFoot,
-            8 | 11 => Self::RightFoot,
-            13 | 16 | 18 | 20 | 25..=39 => Self::LeftArm,
-            14 | 17 | 19 | 21 | 40..=54 => Self::RightArm,
+            joint::LEFT_HIP | joint::RIGHT_HIP | joint::LEFT_KNEE | joint::RIGHT_KNEE => Self::Legs,
+            joint::LEFT_ANKLE | joint::LEFT_FOOT => Self::LeftFoot,
+            joint::RIGHT_ANKLE | joint::RIGHT_FOOT => Self::RightFoot,
+            joint::LEFT_COLLAR | joint::LEFT_SHOULDER | joint::LEFT_ELBOW | joint::LEFT_WRIST => Self::LeftArm,
+            joint::RIGHT_COLLAR | joint::RIGHT_SHOULDER | joint::RIGHT_ELBOW | joint::RIGHT_WRIST => Self::RightArm,
+            _ if joint::LEFT_HAND.contains(&joint) => Self::LeftArm,
+            _ if joint::RIGHT_HAND.contains(&joint) => Self::RightArm,
             _ => Self::Trunk,
         }
     }
@@ -86,7 +88,7 @@ impl<'a> RestPose<'a> {
     pub(super) fn new(stance: &'a Stance) -> Option<Self> {
         let (trunk, legs) = (stance.trunk()?, stance.legs().unwrap_or_default());
         // Legs spread or not, their middle goes on from the trunk.
-        let up = if trunk.dot(legs) < -0.5 { stance.top()? - stance.middle([7, 8])? } else { trunk };
+        let up = if trunk.dot(legs) < -0.5 { stance.top()? - stance.middle(ANKLES)? } else { trunk };
         let axes = stance.axes(along_axis(up.try_normalize()?))?;
         let mut rest = Self { stance, axes, wrong: Vec::new(), twisted: Vec::new() };
         rest.look();
@@ -117,8 +119,8 @@ impl<'a> RestPose<'a> {
     /// Whether all that is wrong with a foot is its shin.
     fn only_leans(&self, part: Part) -> bool {
         let foot = match part {
-            Part::LeftFoot => 7,
-            Part::RightFoot => 8,
+            Part::LeftFoot => joint::LEFT_ANKLE,
+            Part::RightFoot => joint::RIGHT_ANKLE,
             _ => return false,
         };
         self.stands() && self.wrong.iter().all(|(wrong, joint, _)| *wrong != part || *joint != foot)
@@ -164,19 +166,19 @@ impl<'a> RestPose<'a> {
                 wrong.push((part, joint, off));
             }
         };
-        for joint in [3, 6, 9, 12, 15] {
+        for joint in [joint::SPINE1, joint::SPINE2, joint::SPINE3, joint::NECK, joint::HEAD] {
             let bone = stance.above(joint).and_then(|above| stance.between(above, joint));
             let bone =
                 own(bone.filter(|bone| bone.length() > 0.02 * stance.leg_lengths())).and_then(DVec3::try_normalize);
             check(Part::Trunk, joint, bone.map_or(0.0, |bone| degrees(bone, DVec3::Y)), UPRIGHT_BACK);
         }
         let across = own(stance.across_top());
-        check(Part::Trunk, 9, across.map_or(0.0, |across| degrees(across, DVec3::X)), SQUARE_SHOULDERS);
-        for joint in [1, 2, 4, 5] {
+        check(Part::Trunk, joint::SPINE3, across.map_or(0.0, |across| degrees(across, DVec3::X)), SQUARE_SHOULDERS);
+        for joint in [HIPS, KNEES].concat() {
             let leg = own(stance.direction(joint));
             check(Part::Legs, joint, leg.map_or(180.0, |leg| degrees(leg, DVec3::NEG_Y)), HANGING_LEG);
         }
-        for (part, ankle, knee) in [(Part::LeftFoot, 7, 4), (Part::RightFoot, 8, 5)] {
+        for ((part, ankle), knee) in [Part::LeftFoot, Part::RightFoot].into_iter().zip(ANKLES).zip(KNEES) {
             let (Some(foot), Some(shin)) = (own(stance.direction(ankle)), own(stance.direction(knee))) else {
                 continue;
             };
@@ -187,9 +189,9 @@ impl<'a> RestPose<'a> {
             check(part, ankle, -up, TOES_DOWN);
             check(part, knee, degrees(shin, DVec3::NEG_Y), UPRIGHT_SHIN);
         }
-        for (part, collar, shoulder, elbow, side) in
-            [(Part::LeftArm, 13, 16, 18, DVec3::X), (Part::RightArm, 14, 17, 19, DVec3::NEG_X)]
-        {
+        let arms = [(Part::LeftArm, DVec3::X), (Part::RightArm, DVec3::NEG_X)];
+        for (place, (part, side)) in arms.into_iter().enumerate() {
+            let (collar, shoulder, elbow) = (COLLARS[place], SHOULDERS[place], ELBOWS[place]);
             let collar_bone = own(stance.direction(collar));
             check(part, collar, collar_bone.map_or(0.0, |bone| degrees(bone, side)), LEVEL_COLLAR);
             let (upper, lower) = (own(stance.direction(shoulder)), own(stance.direction(elbow)));
@@ -252,15 +254,18 @@ fn off_the_t_pose(stance: &Stance, part: Part) -> f64 {
     };
     let sum = match part {
         Part::Trunk => {
-            let head = stance.between(9, 15).or_else(|| stance.between(9, 12)).and_then(DVec3::try_normalize);
+            let head = stance
+                .between(joint::SPINE3, joint::HEAD)
+                .or_else(|| stance.between(joint::SPINE3, joint::NECK))
+                .and_then(DVec3::try_normalize);
             let (head, across) = (head.unwrap_or(body * DVec3::Y), stance.across_top().unwrap_or(body * DVec3::X));
             degrees(body.inverse() * head, DVec3::Y) + degrees(body.inverse() * across, DVec3::X)
         }
-        Part::Legs => [1, 2, 4, 5].into_iter().map(|joint| off(joint, DVec3::NEG_Y)).fold(0.0, f64::max),
-        Part::LeftFoot => off(1, DVec3::NEG_Y).max(off(4, DVec3::NEG_Y)),
-        Part::RightFoot => off(2, DVec3::NEG_Y).max(off(5, DVec3::NEG_Y)),
-        Part::LeftArm => off(16, DVec3::X) + bent([16, 18]),
-        Part::RightArm => off(17, DVec3::NEG_X) + bent([17, 19]),
+        Part::Legs => HIPS.into_iter().chain(KNEES).map(|joint| off(joint, DVec3::NEG_Y)).fold(0.0, f64::max),
+        Part::LeftFoot => off(HIPS[0], DVec3::NEG_Y).max(off(KNEES[0], DVec3::NEG_Y)),
+        Part::RightFoot => off(HIPS[1], DVec3::NEG_Y).max(off(KNEES[1], DVec3::NEG_Y)),
+        Part::LeftArm => off(SHOULDERS[0], DVec3::X) + bent([SHOULDERS[0], ELBOWS[0]]),
+        Part::RightArm => off(SHOULDERS[1], DVec3::NEG_X) + bent([SHOULDERS[1], ELBOWS[1]]),
     };
     if sum.is_finite() { sum } else { f64::INFINITY }
 }
