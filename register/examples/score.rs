@@ -47,7 +47,9 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
         files.map(|files| prepared(&fitter, &labels, read_frame(files, &subject.betas)?, &mut random)).collect()
     };
     let (train, test) = (read(Split::Train)?, read(Split::Test)?);
-    let start = |frame: &Frame| from_landmarks(&fitter.linkage, &fitter.sites, &fitter.prior, &frame.landmarks).ok_or("no torso");
+    let start = |frame: &Frame| {
+        from_landmarks(&fitter.linkage, &fitter.sites, &fitter.prior, &frame.landmarks).ok_or("no torso")
+    };
     let frames: Vec<Frame> = train.iter().map(|(_, frame)| frame.clone()).collect();
     if arguments.iter().any(|argument| argument == "--geometry-only") {
         return geometry_only(&model, &labels, &train, &frames);
@@ -60,10 +62,22 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let qualities = fitter.refit(&mut poses, &frames, &shaped)?;
     println!("{} frames together: {:.2} s a frame", frames.len(), began.elapsed().as_secs_f64() / frames.len() as f64);
     println!("shape {:.2?} of {:.2?}", shaped.shape, subject.betas);
-    report(&fitter, &labels, &shaped.shape, train.iter().map(|(truth, _)| truth).zip(&poses).collect::<Vec<_>>().as_slice())?;
+    report(
+        &fitter,
+        &labels,
+        &shaped.shape,
+        train.iter().map(|(truth, _)| truth).zip(&poses).collect::<Vec<_>>().as_slice(),
+    )?;
     for (quality, (truth, _)) in qualities.iter().zip(&train) {
-        let parts = quality.parts.iter().map(|(name, part)| format!("{name} {:.1} mm, far {:.2}", part.median_mm, part.far));
-        println!("{} uncovered {:.3} limits {} {}", truth.name, quality.uncovered, quality.beyond_limits, parts.collect::<Vec<_>>().join("; "));
+        let parts =
+            quality.parts.iter().map(|(name, part)| format!("{name} {:.1} mm, far {:.2}", part.median_mm, part.far));
+        println!(
+            "{} uncovered {:.3} limits {} {}",
+            truth.name,
+            quality.uncovered,
+            quality.beyond_limits,
+            parts.collect::<Vec<_>>().join("; ")
+        );
     }
     let began = Instant::now();
     let mut others = Vec::new();
@@ -73,7 +87,12 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let frames: Vec<Frame> = test.iter().map(|(_, frame)| frame.clone()).collect();
     fitter.refit(&mut others, &frames, &shaped)?;
     println!("{} frames alone: {:.2} s a frame", test.len(), began.elapsed().as_secs_f64() / test.len().max(1) as f64);
-    report(&fitter, &labels, &shaped.shape, test.iter().map(|(truth, _)| truth).zip(&others).collect::<Vec<_>>().as_slice())?;
+    report(
+        &fitter,
+        &labels,
+        &shaped.shape,
+        test.iter().map(|(truth, _)| truth).zip(&others).collect::<Vec<_>>().as_slice(),
+    )?;
     Ok(())
 }
 
@@ -89,13 +108,24 @@ fn geometry_only(
         let began = Instant::now();
         let Some(guess) = coarse.guess(&Frame { scan: frame.scan.clone(), landmarks: Vec::new() })? else { continue };
         let joints = model.pose(&guess.pose.pose(&guess.shape))?.joints;
-        let error = (0..22).map(|joint| 1e3 * f64::from(joints[joint].distance(truth.joints[joint]))).sum::<f64>() / 22.0;
-        println!("{} score {:.1} joints {error:.0} mm, {:.1} s", truth.name, 1e3 * guess.score, began.elapsed().as_secs_f64());
+        let error =
+            (0..22).map(|joint| 1e3 * f64::from(joints[joint].distance(truth.joints[joint]))).sum::<f64>() / 22.0;
+        println!(
+            "{} score {:.1} joints {error:.0} mm, {:.1} s",
+            truth.name,
+            1e3 * guess.score,
+            began.elapsed().as_secs_f64()
+        );
     }
     Ok(())
 }
 
-fn prepared(fitter: &Fitter<'_>, labels: &PartLabels, frame: ScanFrame, random: &mut ChaCha8Rng) -> Result<(Truth, Frame)> {
+fn prepared(
+    fitter: &Fitter<'_>,
+    labels: &PartLabels,
+    frame: ScanFrame,
+    random: &mut ChaCha8Rng,
+) -> Result<(Truth, Frame)> {
     let pose = fitter.model.resolve(&frame.parameters)?;
     let posed = fitter.model.pose(&pose)?;
     let scan = ScanTarget::of(&frame.scan)?;
@@ -120,7 +150,11 @@ fn prepared(fitter: &Fitter<'_>, labels: &PartLabels, frame: ScanFrame, random: 
         println!("{}: dropped {}", frame.id, dropped.join(", "));
     }
     let of_scan: Vec<Vec3> = scan.points().iter().map(|point| point.as_vec3()).collect();
-    let everywhere = PartLabels { parts: vec![Default::default(); of_scan.len()], detail: vec![false; of_scan.len()], source: labels.source.clone() };
+    let everywhere = PartLabels {
+        parts: vec![Default::default(); of_scan.len()],
+        detail: vec![false; of_scan.len()],
+        source: labels.source.clone(),
+    };
     let nearest = Registration::new(&of_scan, &everywhere)?;
     let mut visible = vec![true; posed.vertices.len()];
     for part in fitter.model.skeleton().parts_of(Role::Hands) {
@@ -147,12 +181,15 @@ fn report(fitter: &Fitter<'_>, labels: &PartLabels, shape: &[f64], frames: &[(&T
     println!("{:<20} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6}", "mm", "all", "body", "joints", "left", "right", "face");
     for (truth, pose) in frames {
         let posed = fitter.model.pose(&pose.pose(shape))?;
-        let errors: Vec<f64> = posed.vertices.iter().zip(&truth.vertices).map(|(a, b)| 1e3 * f64::from(a.distance(*b))).collect();
+        let errors: Vec<f64> =
+            posed.vertices.iter().zip(&truth.vertices).map(|(a, b)| 1e3 * f64::from(a.distance(*b))).collect();
         let of = |wanted: &dyn Fn(usize) -> bool| {
-            let chosen = (0..errors.len()).filter(|vertex| truth.visible[*vertex] && !labels.detail[*vertex] && wanted(*vertex));
+            let chosen =
+                (0..errors.len()).filter(|vertex| truth.visible[*vertex] && !labels.detail[*vertex] && wanted(*vertex));
             mean(&chosen.map(|vertex| errors[vertex]).collect::<Vec<_>>())
         };
-        let joints: Vec<f64> = (0..22).map(|joint| 1e3 * f64::from(posed.joints[joint].distance(truth.joints[joint]))).collect();
+        let joints: Vec<f64> =
+            (0..22).map(|joint| 1e3 * f64::from(posed.joints[joint].distance(truth.joints[joint]))).collect();
         let role = |role: Role| of(&|vertex| roles[vertex] == role);
         let hands: Vec<_> = skeleton.parts_of(Role::Hands).collect();
         let hand = |side: usize| of(&|vertex| hands.get(side) == Some(&labels.parts[vertex]));
@@ -160,7 +197,12 @@ fn report(fitter: &Fitter<'_>, labels: &PartLabels, shape: &[f64], frames: &[(&T
         println!("{:<20} {}", truth.name, row.map(|value| format!("{value:6.1}")).join(" "));
         if std::env::var("JOINTS").is_ok_and(|name| truth.name.ends_with(&name)) {
             for (joint, name) in skeleton.joints.iter().enumerate() {
-                println!("   {name} {:.0}   {:.2} true {:.2}", 1e3 * posed.joints[joint].distance(truth.joints[joint]), pose.pose(shape).rotations[joint].0, truth.pose.rotations[joint].0);
+                println!(
+                    "   {name} {:.0}   {:.2} true {:.2}",
+                    1e3 * posed.joints[joint].distance(truth.joints[joint]),
+                    pose.pose(shape).rotations[joint].0,
+                    truth.pose.rotations[joint].0
+                );
             }
         }
         rows.push(row);
@@ -171,7 +213,18 @@ fn report(fitter: &Fitter<'_>, labels: &PartLabels, shape: &[f64], frames: &[(&T
         values
     };
     for (name, of) in [("median", &(|v: &[f64]| v[v.len() / 2]) as &dyn Fn(&[f64]) -> f64), ("mean", &mean)] {
-        println!("{name:<20} {}", [0, 1, 2, 3, 4, 5].map(|index| format!("{:6.1}", match column(index) { values if values.is_empty() => f64::NAN, values => of(&values) })).join(" "));
+        println!(
+            "{name:<20} {}",
+            [0, 1, 2, 3, 4, 5]
+                .map(|index| format!(
+                    "{:6.1}",
+                    match column(index) {
+                        values if values.is_empty() => f64::NAN,
+                        values => of(&values),
+                    }
+                ))
+                .join(" ")
+        );
     }
     println!("jitter {:.2} mm", jitter(fitter, shape, frames));
     Ok(())
@@ -199,8 +252,10 @@ fn jitter(fitter: &Fitter<'_>, shape: &[f64], frames: &[(&Truth, &FramePose)]) -
         .collect();
     let mut sum = (0.0, 0.0);
     for vertex in 0..weights.len() / joints {
-        let seen: Vec<DVec3> =
-            (frames.iter().zip(&at_rest)).filter(|((truth, _), _)| truth.visible[vertex]).map(|(_, rest)| rest[vertex]).collect();
+        let seen: Vec<DVec3> = (frames.iter().zip(&at_rest))
+            .filter(|((truth, _), _)| truth.visible[vertex])
+            .map(|(_, rest)| rest[vertex])
+            .collect();
         if seen.is_empty() {
             continue;
         }

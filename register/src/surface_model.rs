@@ -87,7 +87,8 @@ impl SurfaceModel {
             let cell = place.as_dvec3() / density.of(skeleton.role(part));
             cells.entry((part, cell.to_array().map(|along| along.floor() as i64))).or_insert(vertex);
         }
-        let (parts, vertices): (Vec<Part>, Vec<usize>) = cells.iter().map(|((part, _), vertex)| (*part, *vertex)).unzip();
+        let (parts, vertices): (Vec<Part>, Vec<usize>) =
+            cells.iter().map(|((part, _), vertex)| (*part, *vertex)).unzip();
         let mut counts: BTreeMap<Part, f64> = BTreeMap::new();
         parts.iter().for_each(|part| *counts.entry(*part).or_default() += 1.0);
         let whole: f64 = counts.keys().map(|part| share(skeleton.role(*part))).sum();
@@ -141,7 +142,8 @@ impl SurfaceModel {
     pub fn posed(&self, linkage: &Linkage, pose: &FramePose, shape: &[f64]) -> PosedSurface {
         let chain = linkage.posed(pose, shape);
         let points = self.points.posed(linkage, &chain);
-        let normals = points.turns.iter().zip(&self.normals).map(|(turn, normal)| (*turn * *normal).normalize_or_zero());
+        let normals =
+            points.turns.iter().zip(&self.normals).map(|(turn, normal)| (*turn * *normal).normalize_or_zero());
         PosedSurface { normals: normals.collect(), points, chain }
     }
 }

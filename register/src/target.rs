@@ -36,7 +36,8 @@ impl ScanTarget {
     /// # Errors
     /// [`Error::Value`] for a scan without an area, or one that [`TriangleMesh::check`] refuses.
     pub fn of(scan: &TriangleMesh) -> Result<Self> {
-        let mut smooth = TriangleMesh { vertices: scan.vertices.clone(), faces: scan.faces.clone(), ..TriangleMesh::default() };
+        let mut smooth =
+            TriangleMesh { vertices: scan.vertices.clone(), faces: scan.faces.clone(), ..TriangleMesh::default() };
         smooth.normals = Some(smooth.vertex_normals());
         let sampler = SurfaceSampler::new(&smooth, None)?;
         let mut random = ChaCha8Rng::seed_from_u64(0);
@@ -111,7 +112,8 @@ impl OrientedIndex {
     /// # Errors
     /// [`Error::Value`] if there is none, or one is not finite.
     pub fn new(points: &[DVec3], normals: &[DVec3], normal_weight: f64) -> Result<Self> {
-        let wrong = |found: String| Error::Value { name: "points to search".into(), found, expected: "finite points".into() };
+        let wrong =
+            |found: String| Error::Value { name: "points to search".into(), found, expected: "finite points".into() };
         let rows: Vec<[f32; 6]> = points.iter().zip(normals).map(|(p, n)| row(*p, *n, normal_weight)).collect();
         if rows.is_empty() || rows.as_flattened().iter().any(|value| !value.is_finite()) {
             return Err(wrong(format!("{} points, not all finite", rows.len())));

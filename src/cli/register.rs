@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use xavatar::body::Gender;
-use xavatar::data::Scans;
+use xavatar::data::{Scans, Subject};
 use xavatar::formats::read_npy;
 use xavatar::register::fit::Known;
 use xavatar::register::job::{Job, REPORT_FILE, Up};
 use xavatar::register::landmarks::LandmarkFiles;
+use xavatar::report::{REGISTRATION_PAGE, write_registration_page};
 
 use super::inputs::load_body;
 use super::json::JsonArgument;
@@ -89,19 +90,19 @@ impl Register {
         if !self.resume && !outputs::is_new_or_empty(&self.out)? {
             anyhow::bail!("{}: the folder is not empty; give a new --out, or --resume to go on", self.out.display());
         }
-        let scans = Scans::open(&self.scans, &self.test)?;
+        let mut scans = Scans::open(&self.scans, &self.test)?;
         let gender = self.gender.or(scans.gender).unwrap_or(Gender::Neutral);
-        let scans = Scans { gender: Some(gender), ..scans };
-        let (body, labels) = load_body(&self.body, gender)?;
+        scans.gender = Some(gender);
+        let (body_model, labels) = load_body(&self.body, gender)?;
         let landmarks = self.landmarks.as_deref().map(LandmarkFiles::read).transpose()?;
         let job = Job {
             scans: &scans,
-            body: &body,
+            body: &body_model,
             labels: &labels,
             landmarks: landmarks.as_ref(),
             up: self.up.into(),
             known: Known {
-                shape: self.shape.as_deref().map(|path| shape_in(path, body.shape_coefficients())).transpose()?,
+                shape: self.shape.as_deref().map(|path| shape_in(path, body_model.shape_coefficients())).transpose()?,
                 bare: false,
             },
             shape_from: self.minimal.clone(),
@@ -116,9 +117,63 @@ impl Register {
             log::info!("stopped; the same command with --resume goes on");
             return Ok(Outcome::Stopped);
         };
-        self.json.print(&report, &format!("{report}report   {}\n", self.out.join(REPORT_FILE).display()))?;
-        log::info!("try next\n  xavatar check {data} --body {body}\n  xavatar train {data} --body {body} --out runs/avatar --minutes 3");
+        write_registration_page(&self.out, &report, &body_model, super::report::command_line())?;
+        let files = [REPORT_FILE, REGISTRATION_PAGE].map(|file| self.out.join(file).display().to_string());
+        self.json.print(&report, &format!("{report}{}\n", files.join("\n")))?;
+        log::info!(
+            "try next\n  xavatar check {data} --body {body}\n  xavatar train {data} --body {body} --out runs/avatar --minutes 3"
+        );
         Ok(if report.is_fit() { Outcome::Done } else { Outcome::Unfit })
+    }
+}
+
+/// Registers the scans in `data` if no body is registered to them: into the folder beside the run's, which later calls take as it is.
+/// Landmarks are those of `landmarks.json` among the scans; without, people are found by the scans' shapes. Returns where the data
+/// are; none if the registration was stopped.
+pub fn registered_first(data: &Path, body: &Path, run: &Path) -> anyhow::Result<Option<PathBuf>> {
+    const LANDMARKS: &str = "landmarks.json";
+    let has_bodies =
+        |subject: &Subject| subject.train.iter().chain(&subject.test).any(|files| files.parameters.path().is_some());
+    let scans = match Subject::open(data) {
+        Ok(subject) if has_bodies(&subject) => return Ok(Some(data.into())),
+        _ => Scans::open(data, &[]),
+    };
+    // What is wrong with data that are no scans either is for the one who opens them to say.
+    let Ok(scans) = scans else { return Ok(Some(data.into())) };
+    let mut name = run.file_name().unwrap_or_default().to_os_string();
+    name.push("-registered");
+    let out = run.with_file_name(name);
+    if out.join(REPORT_FILE).is_file() {
+        log::info!("the scans' registration is in {}", out.display());
+        return Ok(Some(out));
+    }
+    let landmarks = data.join(LANDMARKS);
+    let landmarks = landmarks.is_file().then_some(landmarks);
+    let how = if landmarks.is_some() { "by landmarks.json" } else { "by their shapes alone" };
+    log::info!("no body is registered to these scans: registering them {how}, into {}", out.display());
+    let register = Register {
+        scans: scans.folder,
+        body: body.into(),
+        out: out.clone(),
+        geometry_only: landmarks.is_none(),
+        landmarks,
+        shape: None,
+        minimal: None,
+        test: Vec::new(),
+        up: UpAxis::Y,
+        gender: None,
+        resume: true,
+        json: JsonArgument::default(),
+    };
+    match register.run()? {
+        Outcome::Stopped => Ok(None),
+        Outcome::Done => Ok(Some(out)),
+        Outcome::Unfit => {
+            anyhow::bail!(
+                "{}: too few frames could be registered; see {REGISTRATION_PAGE} in it, and give landmarks",
+                out.display()
+            )
+        }
     }
 }
 

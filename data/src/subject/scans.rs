@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::frame::FrameFiles;
+use super::frames_by_split;
 use super::layout::find_scans;
 use super::rules::Rules;
 use super::scan_file::read_scan;
-use super::frames_by_split;
 use crate::Split;
 use crate::xhumans::{GENDER_FILE, gender_in};
 use xavatar_body::Gender;

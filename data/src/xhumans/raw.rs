@@ -40,9 +40,8 @@ impl FrameFolder {
     /// [`Error::Io`].
     pub fn write_scan(&self, scan: &TriangleMesh) -> Result<()> {
         create_folder(&self.sequence.join(RAW_SCANS))?;
-        let rows = |points: &[Vec3]| {
-            Array::from_f32(&[points.len(), 3], points.iter().flat_map(Vec3::to_array).collect())
-        };
+        let rows =
+            |points: &[Vec3]| Array::from_f32(&[points.len(), 3], points.iter().flat_map(Vec3::to_array).collect());
         let faces = scan.faces.as_flattened().iter().map(|corner| i64::from(*corner)).collect();
         let mut arrays = ArrayMap::from([
             ("vertices".to_owned(), rows(&scan.vertices)),
@@ -91,7 +90,9 @@ impl FrameFolder {
     /// # Errors
     /// [`Error::Io`].
     pub fn clear(&self) -> Result<()> {
-        let of_body = |extension: &str| self.sequence.join(PARAMETERS).join(format!("mesh-f{:05}_smplx.{extension}", self.number));
+        let of_body = |extension: &str| {
+            self.sequence.join(PARAMETERS).join(format!("mesh-f{:05}_smplx.{extension}", self.number))
+        };
         for file in [self.scan_file("mesh"), self.scan_file("atlas"), of_body("pkl"), of_body("ply")] {
             if file.exists() {
                 fs::remove_file(&file).map_err(Error::io(&file))?;

@@ -48,7 +48,8 @@ impl Clothing {
     /// What is assumed before anything is known: thin clothes on the body, or none anywhere.
     pub fn assumed(fitter: &Fitter<'_>, bare: bool) -> Self {
         let surface = &fitter.surface;
-        let thickness = surface.roles.iter().map(|role| if *role == Role::Body && !bare { ASSUMED } else { 0.0 }).collect();
+        let thickness =
+            surface.roles.iter().map(|role| if *role == Role::Body && !bare { ASSUMED } else { 0.0 }).collect();
         let neighbours = (0..surface.len()).into_par_iter().map(|vertex| fitter.neighbours(vertex)).collect();
         Self { thickness, spread: vec![f64::NAN; surface.len()], bare, neighbours: Arc::new(neighbours) }
     }
@@ -78,7 +79,8 @@ impl Clothing {
         let enough = ((frames.len() as f64 * SEEN).ceil() as usize).max(2.min(frames.len()));
         let (raw, spread): (Vec<f64>, Vec<f64>) = (0..fitter.surface.len())
             .map(|vertex| {
-                let mut seen: Vec<f64> = distances.iter().map(|frame| frame[vertex]).filter(|d| d.is_finite()).collect();
+                let mut seen: Vec<f64> =
+                    distances.iter().map(|frame| frame[vertex]).filter(|d| d.is_finite()).collect();
                 seen.sort_by(f64::total_cmp);
                 if seen.len() < enough {
                     return (f64::NAN, f64::NAN);
@@ -90,10 +92,12 @@ impl Clothing {
         self.spread = spread;
         for (vertex, role) in fitter.surface.roles.iter().enumerate() {
             let known = self.neighbours[vertex].iter().filter(|(other, _)| raw[*other].is_finite());
-            let (sum, weights) = known.fold((0.0, 0.0), |(sum, weights), (other, weight)| (sum + weight * raw[*other], weights + weight));
+            let (sum, weights) = known
+                .fold((0.0, 0.0), |(sum, weights), (other, weight)| (sum + weight * raw[*other], weights + weight));
             let smooth = if weights > 0.0 { sum / weights } else { 0.0 };
             let is_cloth = *role == Role::Body && !self.bare;
-            self.thickness[vertex] = if is_cloth { smooth.clamp(THICKNESS[0], THICKNESS[1]) } else { smooth.clamp(-SKIN, SKIN) };
+            self.thickness[vertex] =
+                if is_cloth { smooth.clamp(THICKNESS[0], THICKNESS[1]) } else { smooth.clamp(-SKIN, SKIN) };
         }
         Ok(())
     }

@@ -34,7 +34,13 @@ const STAGE: Stage = Stage {
     freed: Freed::Hands,
     besides: Besides { translation: false, expression: false, shape: false },
     steps: 5,
-    surface: Some(SurfaceTerm { normal_weight: 0.02, reach: 0.02, deviation: 0.004, seekers: Seekers::All, along: 0.0 }),
+    surface: Some(SurfaceTerm {
+        normal_weight: 0.02,
+        reach: 0.02,
+        deviation: 0.004,
+        seekers: Seekers::All,
+        along: 0.0,
+    }),
     landmarks: Some(LandmarkTerm { deviation: 0.015, reach: 0.04, with_vertices: true }),
     shape_prior: 0.0,
     expression_prior: 0.0,
@@ -56,11 +62,15 @@ impl<'a> Fitter<'a> {
         let hand = |part: Part| {
             let group = &skeleton.parts[part.index()];
             let named = |finger: &str| {
-                let of_finger = |joint: &&usize| skeleton.joints[**joint].trim_end_matches(['1', '2', '3']).ends_with(finger);
+                let of_finger =
+                    |joint: &&usize| skeleton.joints[**joint].trim_end_matches(['1', '2', '3']).ends_with(finger);
                 group.joints.iter().filter(of_finger).copied().collect::<Vec<usize>>()
             };
-            let fingers: Vec<Vec<usize>> =
-                ["index", "middle", "ring", "pinky"].map(named).into_iter().filter(|joints| joints.len() == 3).collect();
+            let fingers: Vec<Vec<usize>> = ["index", "middle", "ring", "pinky"]
+                .map(named)
+                .into_iter()
+                .filter(|joints| joints.len() == 3)
+                .collect();
             let sign = if group.name.starts_with("right") { 1.0 } else { -1.0 };
             let fitter = Fitter {
                 surface: self.surface.of_part(part),
@@ -84,7 +94,12 @@ impl Hand<'_> {
         let Some(around) = frame.scan.around(middle, AROUND) else { return Ok(pose) };
         let frame = Frame { scan: Arc::new(around), landmarks: frame.landmarks.clone() };
         let index = IndexedTarget::new(&frame.scan, 0.02)?;
-        let near = posed.points.positions.iter().zip(&posed.normals).filter(|(v, n)| index.index.nearest(**v, **n).1 < TOO_FAR);
+        let near = posed
+            .points
+            .positions
+            .iter()
+            .zip(&posed.normals)
+            .filter(|(v, n)| index.index.nearest(**v, **n).1 < TOO_FAR);
         if near.count() * 2 < self.fitter.surface.len() {
             return Ok(pose);
         }
@@ -118,10 +133,16 @@ impl Hand<'_> {
         let posed = self.fitter.surface.posed(&self.fitter.linkage, pose, shape);
         let own = OrientedIndex::new(&posed.points.positions, &posed.normals, 0.02)?;
         let mean = |sum: f64, count: usize| sum / count.max(1) as f64;
-        let to_scan = posed.points.positions.iter().zip(&posed.normals).map(|(v, n)| scan.index.nearest(*v, *n).1.min(FARTHEST[0]));
+        let to_scan = posed
+            .points
+            .positions
+            .iter()
+            .zip(&posed.normals)
+            .map(|(v, n)| scan.index.nearest(*v, *n).1.min(FARTHEST[0]));
         let to_scan = mean(to_scan.sum(), self.fitter.surface.len());
         let points = frame.scan.points().iter().zip(frame.scan.normals());
-        let to_hand = mean(points.map(|(p, n)| own.nearest(*p, *n).1.min(FARTHEST[0])).sum(), frame.scan.points().len());
+        let to_hand =
+            mean(points.map(|(p, n)| own.nearest(*p, *n).1.min(FARTHEST[0])).sum(), frame.scan.points().len());
         let sites = &self.fitter.sites;
         let tips = sites.vertices().posed(&self.fitter.linkage, &posed.chain);
         let is_own = |joint: usize| self.fingers.iter().flatten().any(|own| *own == joint);
@@ -131,7 +152,10 @@ impl Hand<'_> {
                 Site::Vertex(tip) => {
                     let of_this = tips.positions[tip].distance(seen.place);
                     let name = &sites.site(seen.site).name;
-                    self.fingers.iter().any(|joints| self.fitter.model.skeleton().joints[joints[2]].starts_with(name.as_str())).then_some(of_this)
+                    self.fingers
+                        .iter()
+                        .any(|joints| self.fitter.model.skeleton().joints[joints[2]].starts_with(name.as_str()))
+                        .then_some(of_this)
                 }
             })
             .map(|distance| distance.min(FARTHEST[1]))

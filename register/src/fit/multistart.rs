@@ -83,10 +83,12 @@ impl Fitter<'_> {
             }
             scored(sequence.poses.remove(0), sequence.shape)
         };
-        let mut guesses: Vec<Guess> = first.into_par_iter().map(|guess| fitted(guess, [3, 2])).collect::<Result<_>>()?;
+        let mut guesses: Vec<Guess> =
+            first.into_par_iter().map(|guess| fitted(guess, [3, 2])).collect::<Result<_>>()?;
         sort(&mut guesses);
         guesses.truncate(KEPT[1]);
-        let mut guesses: Vec<Guess> = guesses.into_par_iter().map(|guess| fitted(guess, [4, 8])).collect::<Result<_>>()?;
+        let mut guesses: Vec<Guess> =
+            guesses.into_par_iter().map(|guess| fitted(guess, [4, 8])).collect::<Result<_>>()?;
         sort(&mut guesses);
         Ok(guesses.into_iter().next())
     }
@@ -97,7 +99,8 @@ impl Fitter<'_> {
         let outside = |vertex: usize| posed.points.positions[vertex] + posed.normals[vertex] * clothing[vertex];
         let body: Vec<DVec3> = (0..self.surface.len()).map(outside).collect();
         let own = OrientedIndex::new(&body, &posed.normals, SCORE[0])?;
-        let to_scan: f64 = body.iter().zip(&posed.normals).map(|(v, n)| scan.index.nearest(*v, *n).1.min(SCORE[1])).sum();
+        let to_scan: f64 =
+            body.iter().zip(&posed.normals).map(|(v, n)| scan.index.nearest(*v, *n).1.min(SCORE[1])).sum();
         let seekers = scan.target.seekers(Seekers::Few);
         let count = seekers.len() as f64;
         let to_body: f64 = seekers.map(|(point, normal)| own.nearest(point, normal).1.min(SCORE[1])).sum();

@@ -49,7 +49,13 @@ impl Fitter<'_> {
         sequence.poses.par_iter().zip(frames).map(quality).collect()
     }
 
-    fn quality(&self, pose: &crate::linear::FramePose, shape: &[f64], frame: &Frame, clothing: &[f64]) -> Result<FrameQuality> {
+    fn quality(
+        &self,
+        pose: &crate::linear::FramePose,
+        shape: &[f64],
+        frame: &Frame,
+        clothing: &[f64],
+    ) -> Result<FrameQuality> {
         let posed = self.surface.posed(&self.linkage, pose, shape);
         let outside = |vertex: usize| posed.points.positions[vertex] + posed.normals[vertex] * clothing[vertex];
         let body: Vec<[f32; 3]> = (0..self.surface.len()).map(|vertex| outside(vertex).as_vec3().to_array()).collect();
@@ -67,7 +73,8 @@ impl Fitter<'_> {
         let spacing = 0.5 * self.spacing();
         let uncovered = frame.scan.points().iter().zip(&scan).step_by(20);
         let count = uncovered.len().max(1) as f64;
-        let uncovered = uncovered.filter(|(_, point)| distance(&of_body, point) > UNCOVERED + spacing).count() as f64 / count;
+        let uncovered =
+            uncovered.filter(|(_, point)| distance(&of_body, point) > UNCOVERED + spacing).count() as f64 / count;
         let part = |(name, mut distances): (&str, Vec<f64>)| {
             distances.sort_by(f64::total_cmp);
             let far = distances.iter().filter(|distance| **distance > FAR).count() as f64 / distances.len() as f64;
@@ -87,7 +94,8 @@ impl Fitter<'_> {
 }
 
 fn tree(points: &[[f32; 3]]) -> Result<ImmutableKdTree<f32, 3>> {
-    let wrong = |found: String| Error::Value { name: "points to measure".into(), found, expected: "finite points".into() };
+    let wrong =
+        |found: String| Error::Value { name: "points to measure".into(), found, expected: "finite points".into() };
     if points.is_empty() || points.as_flattened().iter().any(|value| !value.is_finite()) {
         return Err(wrong(format!("{} points, not all finite", points.len())));
     }

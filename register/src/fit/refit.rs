@@ -22,7 +22,9 @@ impl FrameQuality {
 
     /// The largest share of a part of the body that is far from the scan.
     pub fn body_far(&self) -> f64 {
-        self.parts.get("body").map_or_else(|| self.parts.values().map(|part| part.far).fold(0.0, f64::max), |body| body.far)
+        self.parts
+            .get("body")
+            .map_or_else(|| self.parts.values().map(|part| part.far).fold(0.0, f64::max), |body| body.far)
     }
 }
 

@@ -76,7 +76,14 @@ pub const FROM_LANDMARKS: [Stage; 3] = [
         shape_prior: 60.0,
         ..BASIS
     },
-    Stage { name: "hands, landmarks", freed: Freed::Hands, besides: STILL, steps: 4, landmarks: landmarks(0.008, 0.05, true), ..BASIS },
+    Stage {
+        name: "hands, landmarks",
+        freed: Freed::Hands,
+        besides: STILL,
+        steps: 4,
+        landmarks: landmarks(0.008, 0.05, true),
+        ..BASIS
+    },
 ];
 
 /// From a guess or from another frame's pose: bodies that are far from the scan find their way to it, along it too.
@@ -85,7 +92,13 @@ pub const COARSE: [Stage; 2] = [
         name: "body, far from the scan",
         besides: SHAPED,
         steps: 8,
-        surface: Some(SurfaceTerm { normal_weight: 0.15, reach: 0.3, deviation: 0.03, seekers: Seekers::Few, along: 0.3 }),
+        surface: Some(SurfaceTerm {
+            normal_weight: 0.15,
+            reach: 0.3,
+            deviation: 0.03,
+            seekers: Seekers::Few,
+            along: 0.3,
+        }),
         landmarks: landmarks(0.03, 0.3, false),
         shape_prior: 5.0,
         ..BASIS
@@ -94,7 +107,13 @@ pub const COARSE: [Stage; 2] = [
         name: "body, nearer",
         besides: SHAPED,
         steps: 8,
-        surface: Some(SurfaceTerm { normal_weight: 0.08, reach: 0.12, deviation: 0.02, seekers: Seekers::Few, along: 0.1 }),
+        surface: Some(SurfaceTerm {
+            normal_weight: 0.08,
+            reach: 0.12,
+            deviation: 0.02,
+            seekers: Seekers::Few,
+            along: 0.1,
+        }),
         landmarks: landmarks(0.03, 0.12, false),
         shape_prior: 3.0,
         ..BASIS

@@ -61,12 +61,14 @@ impl Sequence {
     /// [`Error::Value`](xavatar_formats::Error::Value) if a pose stops being a number.
     pub fn run(&mut self, fitter: &Fitter<'_>, stage: &Stage, frames: &[Frame], clothing: &[f64]) -> Result<()> {
         let unknowns = fitter.unknowns(stage);
-        let index = |frame: &Frame| stage.surface.map(|term| IndexedTarget::new(&frame.scan, term.normal_weight)).transpose();
+        let index =
+            |frame: &Frame| stage.surface.map(|term| IndexedTarget::new(&frame.scan, term.normal_weight)).transpose();
         let indexed: Vec<Option<IndexedTarget>> = frames.par_iter().map(index).collect::<Result<_>>()?;
         for _ in 0..stage.steps {
             let reduced: Vec<Reduced> = (self.poses.par_iter().zip(frames).zip(&indexed))
                 .map(|((pose, frame), scan)| {
-                    let equations = fitter.equations(stage, &unknowns, pose, &self.shape, frame, scan.as_ref(), clothing)?;
+                    let equations =
+                        fitter.equations(stage, &unknowns, pose, &self.shape, frame, scan.as_ref(), clothing)?;
                     Ok(Reduced::of(equations, &unknowns))
                 })
                 .collect::<Result<_>>()?;
@@ -100,7 +102,10 @@ impl Sequence {
         }
         let solved = matrix.cholesky().map(|factor| -factor.solve(&gradient));
         let step = solved.filter(|step| step.iter().all(|value| value.is_finite()));
-        step.map_or_else(|| DVector::zeros(shapes), |step| step.map(|value| value.clamp(-LARGEST_SHAPE_STEP, LARGEST_SHAPE_STEP)))
+        step.map_or_else(
+            || DVector::zeros(shapes),
+            |step| step.map(|value| value.clamp(-LARGEST_SHAPE_STEP, LARGEST_SHAPE_STEP)),
+        )
     }
 }
 
@@ -125,7 +130,8 @@ impl Reduced {
             }
             damping *= MORE_DAMPING.0;
         }
-        let eliminated = solution.as_ref().map_or_else(|| DMatrix::zeros(shapes, shapes + 1), |solved| coupling.tr_mul(solved));
+        let eliminated =
+            solution.as_ref().map_or_else(|| DMatrix::zeros(shapes, shapes + 1), |solved| coupling.tr_mul(solved));
         Self {
             solution,
             matrix: matrix.view((own, own), (shapes, shapes)) - eliminated.columns(0, shapes),

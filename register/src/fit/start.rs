@@ -29,7 +29,9 @@ pub fn from_landmarks(linkage: &Linkage, sites: &Sites, prior: &PosePrior, seen:
 /// The body at rest but for its arms, turned and moved onto joints: number, place and weight of each.
 fn placed(linkage: &Linkage, sites: &Sites, prior: &PosePrior, torso: &[(usize, DVec3, f64)]) -> Option<FramePose> {
     let total: f64 = torso.iter().map(|(_, _, weight)| weight).sum();
-    let mean = |place: &dyn Fn(&(usize, DVec3, f64)) -> DVec3| torso.iter().map(|one| place(one) * one.2).sum::<DVec3>() / total;
+    let mean = |place: &dyn Fn(&(usize, DVec3, f64)) -> DVec3| {
+        torso.iter().map(|one| place(one) * one.2).sum::<DVec3>() / total
+    };
     let (of_body, of_scan) = (mean(&|one| linkage.rest()[one.0]), mean(&|one| one.1));
     let mut covariance = Matrix3::zeros();
     for (joint, place, weight) in torso {
@@ -37,7 +39,13 @@ fn placed(linkage: &Linkage, sites: &Sites, prior: &PosePrior, torso: &[(usize, 
         covariance += Matrix3::from_fn(|row, column| from[row] * to[column]) * *weight;
     }
     let turn = nearest_rotation(covariance)?;
-    let arm = |name: &str, sign: f64| sites.named(name).map(|_| name).and_then(|name| joint_of(sites, name)).map(|joint| (joint, DVec3::Z * sign * ARMS_DOWN));
+    let arm = |name: &str, sign: f64| {
+        sites
+            .named(name)
+            .map(|_| name)
+            .and_then(|name| joint_of(sites, name))
+            .map(|joint| (joint, DVec3::Z * sign * ARMS_DOWN))
+    };
     let arms = [arm("left_shoulder", -1.0), arm("right_shoulder", 1.0)];
     let mut pose = FramePose::turned(linkage.extents(), prior.means().chain(arms.into_iter().flatten()));
     pose.rotations[0] = turn;
@@ -58,7 +66,8 @@ fn nearest_rotation(covariance: Matrix3<f64>) -> Option<DMat3> {
     let decomposed = covariance.svd(true, true);
     let (u, vt) = (decomposed.u?, decomposed.v_t?);
     let values = decomposed.singular_values;
-    let second = values.iter().copied().fold([0.0, 0.0], |[a, b]: [f64; 2], v| if v > a { [v, a] } else { [a, b.max(v)] })[1];
+    let second =
+        values.iter().copied().fold([0.0, 0.0], |[a, b]: [f64; 2], v| if v > a { [v, a] } else { [a, b.max(v)] })[1];
     if !(second > 1e-6) {
         return None;
     }

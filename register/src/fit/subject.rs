@@ -151,7 +151,9 @@ impl<'a> Fitter<'a> {
     /// Bends the fingers of every frame as they lie best.
     fn settle_hands(&self, sequence: &mut Sequence, frames: &[Frame]) -> Result<()> {
         let (hands, shape) = (self.hands(), &sequence.shape);
-        let settled = |(pose, frame): (&FramePose, &Frame)| hands.iter().try_fold(pose.clone(), |pose, hand| hand.settled(pose, shape, frame));
+        let settled = |(pose, frame): (&FramePose, &Frame)| {
+            hands.iter().try_fold(pose.clone(), |pose, hand| hand.settled(pose, shape, frame))
+        };
         sequence.poses = sequence.poses.par_iter().zip(frames).map(settled).collect::<Result<_>>()?;
         Ok(())
     }

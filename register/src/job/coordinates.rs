@@ -85,7 +85,8 @@ mod tests {
 
     #[test]
     fn units_are_told_by_the_size_of_a_person() {
-        let scale = |height: f64| FileCoordinates::of_extents(&[DVec3::new(0.1, height, 0.2)], Up::Y).map(|found| found.scale);
+        let scale =
+            |height: f64| FileCoordinates::of_extents(&[DVec3::new(0.1, height, 0.2)], Up::Y).map(|found| found.scale);
         assert_eq!((scale(1.7).unwrap(), scale(168.0).unwrap(), scale(1850.0).unwrap()), (1.0, 0.01, 0.001));
         assert!(scale(17.0).unwrap_err().to_string().contains("17.000 units tall"));
     }

@@ -99,8 +99,11 @@ struct Working<'a> {
 
 impl<'a> Working<'a> {
     fn new(job: &'a Job<'a>) -> Result<Self> {
-        let files: Vec<&FrameFiles> = [Split::Train, Split::Test].into_iter().flat_map(|split| job.scans.files(split)).collect();
-        let of_sequence = |one: &FrameFiles, other: &FrameFiles| (&one.id.split, &one.id.sequence) == (&other.id.split, &other.id.sequence);
+        let files: Vec<&FrameFiles> =
+            [Split::Train, Split::Test].into_iter().flat_map(|split| job.scans.files(split)).collect();
+        let of_sequence = |one: &FrameFiles, other: &FrameFiles| {
+            (&one.id.split, &one.id.sequence) == (&other.id.split, &other.id.sequence)
+        };
         let place = |index: usize| {
             let others = files.iter().enumerate().filter(|(_, other)| of_sequence(files[index], other));
             let all: Vec<usize> = others.map(|(other, _)| other).collect();
@@ -109,7 +112,8 @@ impl<'a> Working<'a> {
         let stride = files.len().div_ceil(MEASURED).max(1);
         let extent = |files: &&FrameFiles| {
             let vertices = files.read_scan()?.mesh.vertices;
-            let fold = |of: fn(glam::Vec3, glam::Vec3) -> glam::Vec3| vertices.iter().copied().reduce(of).unwrap_or_default();
+            let fold =
+                |of: fn(glam::Vec3, glam::Vec3) -> glam::Vec3| vertices.iter().copied().reduce(of).unwrap_or_default();
             Ok((fold(glam::Vec3::max) - fold(glam::Vec3::min)).as_dvec3())
         };
         let extents = files.iter().step_by(stride).map(extent).collect::<Result<Vec<_>>>()?;
@@ -135,7 +139,9 @@ impl<'a> Working<'a> {
         let frame = Frame { scan: Arc::new(target), landmarks };
         let start = match self.job.landmarks {
             Some(_) => from_landmarks(linkage, sites, prior, &frame.landmarks).map(Start::FromLandmarks),
-            None => self.coarse.guess(&frame)?.filter(|guess| guess.is_good()).map(|guess| Start::FromElsewhere(guess.pose)),
+            None => {
+                self.coarse.guess(&frame)?.filter(|guess| guess.is_good()).map(|guess| Start::FromElsewhere(guess.pose))
+            }
         };
         Ok(Prepared { frame, start, dropped })
     }
@@ -236,7 +242,12 @@ impl<'a> Working<'a> {
     }
 
     /// The records of all frames that could be started; those that are there already are taken as they are.
-    fn records(&self, shaped: &Shaped, observe: &mut Observer<'_>, stop: &AtomicBool) -> Result<Option<Vec<Option<Record>>>> {
+    fn records(
+        &self,
+        shaped: &Shaped,
+        observe: &mut Observer<'_>,
+        stop: &AtomicBool,
+    ) -> Result<Option<Vec<Option<Record>>>> {
         let batch = 2 * rayon::current_num_threads();
         let mut records = Vec::new();
         for first in (0..self.files.len()).step_by(batch) {
@@ -281,7 +292,8 @@ impl<'a> Working<'a> {
         loop {
             let bad = self.are_bad(&records);
             let is_near_good = |index: usize| self.neighbours(index, &bad).next().is_some();
-            let untried = |index: &usize| bad[*index] && records[*index].as_ref().is_none_or(|record| !record.tried_again);
+            let untried =
+                |index: &usize| bad[*index] && records[*index].as_ref().is_none_or(|record| !record.tried_again);
             let Some(index) = (0..records.len()).filter(untried).find(|index| is_near_good(*index)) else { break };
             if stop.load(Ordering::Relaxed) {
                 return Ok(None);

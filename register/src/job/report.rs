@@ -77,7 +77,12 @@ impl fmt::Display for RegistrationReport {
         writeln!(f, "registered         {} of {} frames", self.registered(), self.frames.len())?;
         writeln!(f, "clothing           {:.1} mm thick in the mean", self.clothing_mm)?;
         let mut medians: std::collections::BTreeMap<&str, Vec<f64>> = std::collections::BTreeMap::new();
-        for quality in self.frames.iter().filter(|frame| frame.verdict == Verdict::Registered).filter_map(|frame| frame.quality.as_ref()) {
+        for quality in self
+            .frames
+            .iter()
+            .filter(|frame| frame.verdict == Verdict::Registered)
+            .filter_map(|frame| frame.quality.as_ref())
+        {
             quality.parts.iter().for_each(|(name, part)| medians.entry(name).or_default().push(part.median_mm));
         }
         for (part, mut values) in medians {

@@ -35,7 +35,8 @@ pub fn read(folder: &Path, fitter: &Fitter<'_>, bare: bool) -> Result<Option<Sha
         return Ok(None);
     }
     let arrays = read_npz(&path)?;
-    let numbers = |name: &str, count: usize| arrays.get(name).and_then(Array::to_f64).filter(|values| values.len() == count);
+    let numbers =
+        |name: &str, count: usize| arrays.get(name).and_then(Array::to_f64).filter(|values| values.len() == count);
     let count = fitter.surface.len();
     let read = (numbers("betas", fitter.linkage.extents().shapes), numbers("offset", count), numbers("spread", count));
     let (Some(shape), Some(thickness), Some(spread)) = read else {

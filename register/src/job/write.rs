@@ -39,7 +39,8 @@ impl Working<'_> {
             frames.push(report);
         }
         frames.sort_by(|one, other| other.badness().total_cmp(&one.badness()).then(one.frame.cmp(&other.frame)));
-        let cloth = self.fitter.surface.roles.iter().zip(&shaped.clothing.thickness).filter(|(role, _)| **role == Role::Body);
+        let cloth =
+            self.fitter.surface.roles.iter().zip(&shaped.clothing.thickness).filter(|(role, _)| **role == Role::Body);
         let cloth: Vec<f64> = cloth.map(|(_, thickness)| *thickness).collect();
         let report = RegistrationReport {
             coordinates: self.coordinates,
@@ -59,7 +60,11 @@ impl Working<'_> {
             frame: self.files[index].id.to_string(),
             verdict: if is_bad { Verdict::LeftOut } else { Verdict::Registered },
             reason: if is_bad { self.reason(quality.as_ref()) } else { String::new() },
-            missing_hands: quality.as_ref().filter(|_| !is_bad).map(|quality| self.missing_hands(quality)).unwrap_or_default(),
+            missing_hands: quality
+                .as_ref()
+                .filter(|_| !is_bad)
+                .map(|quality| self.missing_hands(quality))
+                .unwrap_or_default(),
             quality,
             landmarks: record.map_or(0, |record| record.landmarks),
             dropped_landmarks: record.map(|record| record.dropped.clone()).unwrap_or_default(),
@@ -73,7 +78,9 @@ impl Working<'_> {
                 1e2 * quality.uncovered,
                 1e2 * quality.body_far()
             ),
-            (None, Some(_)) => "no start: too few landmarks of hips, shoulders and neck, and no good frame near it".into(),
+            (None, Some(_)) => {
+                "no start: too few landmarks of hips, shoulders and neck, and no good frame near it".into()
+            }
             (None, None) => "no start: no standing person found by shape alone, and no good frame near it".into(),
         }
     }
@@ -120,7 +127,10 @@ impl Working<'_> {
         let offsets = |hand: HandPose, side: usize| match (hand, self.job.body.hands().get(side)) {
             (HandPose::Flat(mut fingers), Some(space)) => {
                 let means = space.mean.as_chunks::<3>().0;
-                fingers.iter_mut().zip(means).for_each(|(turn, mean)| *turn = PoseAxisAngle(turn.0 - glam::Vec3::from(*mean)));
+                fingers
+                    .iter_mut()
+                    .zip(means)
+                    .for_each(|(turn, mean)| *turn = PoseAxisAngle(turn.0 - glam::Vec3::from(*mean)));
                 HandPose::RelativeToMean(fingers)
             }
             (hand, _) => hand,

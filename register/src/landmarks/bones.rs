@@ -10,7 +10,8 @@ const SHORTEST: f64 = 0.15;
 
 /// The landmarks whose bones are as long as the body's, and the names of the others.
 pub fn believed(linkage: &Linkage, sites: &Sites, seen: &[Seen]) -> (Vec<Seen>, Vec<String>) {
-    let place = |joint: usize| seen.iter().find(|one| sites.site(one.site).at == Site::Joint(joint)).map(|one| one.place);
+    let place =
+        |joint: usize| seen.iter().find(|one| sites.site(one.site).at == Site::Joint(joint)).map(|one| one.place);
     let ratio = |one: &Seen| {
         let Site::Joint(joint) = sites.site(one.site).at else { return None };
         let parent = linkage.parents()[joint]?;

@@ -32,7 +32,8 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed<Track> {
     let parameters = Parameters::read(bytes, (usize::from(bytes[0]) - 1) * BLOCK)?;
     let (points, analog) = (usize::from(head(2)?), usize::from(head(3)?));
     let (first, last) = (usize::from(head(4)?), usize::from(head(5)?));
-    let scale = bytes.get(12..16).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]])).ok_or_else(short)?;
+    let scale =
+        bytes.get(12..16).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]])).ok_or_else(short)?;
     let data = (usize::from(head(9)?).max(1) - 1) * BLOCK;
     let units = parameters.texts("POINT", "UNITS").into_iter().next().unwrap_or_else(|| "mm".into());
     let metres = match units.trim() {
@@ -41,14 +42,17 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed<Track> {
         "mm" | "" => 0.001,
         other => return Err(Fault::malformed("POINT:UNITS", other, "m, cm or mm")),
     };
-    let mut names: Vec<String> = parameters.texts("POINT", "LABELS").iter().map(|label| names::of_marker(label)).collect();
+    let mut names: Vec<String> =
+        parameters.texts("POINT", "LABELS").iter().map(|label| names::of_marker(label)).collect();
     names.resize(points, String::new());
     let is_float = scale < 0.0;
     let width = if is_float { 4 } else { 2 };
     let stride = width * (4 * points + analog);
     let number = |at: usize| -> Option<f64> {
         match is_float {
-            true => bytes.get(at..at + 4).map(|four| f64::from(f32::from_le_bytes([four[0], four[1], four[2], four[3]]))),
+            true => {
+                bytes.get(at..at + 4).map(|four| f64::from(f32::from_le_bytes([four[0], four[1], four[2], four[3]])))
+            }
             false => word(at).map(|word| f64::from(word as i16)),
         }
     };

@@ -106,14 +106,21 @@ impl LandmarkFiles {
             None => None,
         };
         let points = found.map(|frame| track.names.iter().zip(&frame.points)).into_iter().flatten();
-        Ok(points.filter_map(|(name, found)| Some((name.as_str(), *found)).filter(|(name, _)| !name.is_empty()).and_then(|(name, found)| found.map(|(place, confidence)| (name, place, confidence)))).collect())
+        Ok(points
+            .filter_map(|(name, found)| {
+                Some((name.as_str(), *found))
+                    .filter(|(name, _)| !name.is_empty())
+                    .and_then(|(name, found)| found.map(|(place, confidence)| (name, place, confidence)))
+            })
+            .collect())
     }
 }
 
 /// The files of a folder as one track: the only file, or one frame each, in the order of their names.
 fn track_of_folder(folder: &Path) -> Result<Option<Track>> {
     let is_track = |path: &PathBuf| {
-        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let extension =
+            path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
         path.is_file() && EXTENSIONS.contains(&extension.as_str())
     };
     let files: Vec<PathBuf> = entries(folder)?.into_iter().filter(is_track).collect();

@@ -12,7 +12,8 @@ const FORMAT: &str = "file of landmarks";
 
 /// The landmarks of a JSON file.
 pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Track> {
-    let value: Value = serde_json::from_slice(bytes).map_err(|error| malformed(path, "the text", &error.to_string(), "JSON"))?;
+    let value: Value =
+        serde_json::from_slice(bytes).map_err(|error| malformed(path, "the text", &error.to_string(), "JSON"))?;
     if let (Some(names), Some(frames)) = (value.get("names"), value.get("frames")) {
         return own(path, names, frames);
     }
@@ -26,13 +27,21 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Track> {
 }
 
 fn own(path: &Path, names: &Value, frames: &Value) -> Result<Track> {
-    let names = names.as_array().and_then(|names| names.iter().map(|name| Some(name.as_str()?.to_owned())).collect::<Option<Vec<_>>>());
+    let names = names
+        .as_array()
+        .and_then(|names| names.iter().map(|name| Some(name.as_str()?.to_owned())).collect::<Option<Vec<_>>>());
     let names = names.ok_or_else(|| malformed(path, "`names`", "no list of texts", "the points' names"))?;
-    let frames = frames.as_object().ok_or_else(|| malformed(path, "`frames`", "no object", "points by the frames' names"))?;
+    let frames =
+        frames.as_object().ok_or_else(|| malformed(path, "`frames`", "no object", "points by the frames' names"))?;
     let frame = |(name, rows): (&String, &Value)| {
         let points = rows_of(path, name, rows)?;
         if points.len() != names.len() {
-            return Err(malformed(path, name, &format!("{} points", points.len()), &format!("{}, one a name", names.len())));
+            return Err(malformed(
+                path,
+                name,
+                &format!("{} points", points.len()),
+                &format!("{}, one a name", names.len()),
+            ));
         }
         Ok(TrackFrame { name: name.clone(), points })
     };
@@ -41,7 +50,10 @@ fn own(path: &Path, names: &Value, frames: &Value) -> Result<Track> {
 
 /// The first person: the body's points, then the hands' and the face's if there are any.
 fn openpose(path: &Path, people: &[Value]) -> Result<Track> {
-    let missing = || Track { names: names::of_count(137).unwrap_or_default(), frames: vec![TrackFrame { name: String::new(), points: vec![None; 137] }] };
+    let missing = || Track {
+        names: names::of_count(137).unwrap_or_default(),
+        frames: vec![TrackFrame { name: String::new(), points: vec![None; 137] }],
+    };
     let Some(person) = people.first() else { return Ok(missing()) };
     let numbers = |key: &str| -> Vec<f64> {
         let list = person.get(key).and_then(Value::as_array);
@@ -81,5 +93,11 @@ fn rows_of(path: &Path, place: &str, value: &Value) -> Result<Vec<Found>> {
 }
 
 fn malformed(path: &Path, place: &str, found: &str, expected: &str) -> Error {
-    Error::Malformed { path: path.into(), format: FORMAT, place: place.into(), found: found.into(), expected: expected.into() }
+    Error::Malformed {
+        path: path.into(),
+        format: FORMAT,
+        place: place.into(),
+        found: found.into(),
+        expected: expected.into(),
+    }
 }

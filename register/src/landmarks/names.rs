@@ -4,14 +4,52 @@
 
 /// OpenPose's BODY_25.
 const BODY_25: [&str; 25] = [
-    "", "neck", "right_shoulder", "right_elbow", "right_wrist", "left_shoulder", "left_elbow", "left_wrist", "pelvis", "right_hip",
-    "right_knee", "right_ankle", "left_hip", "left_knee", "left_ankle", "right_eye", "left_eye", "", "", "", "", "", "", "", "",
+    "",
+    "neck",
+    "right_shoulder",
+    "right_elbow",
+    "right_wrist",
+    "left_shoulder",
+    "left_elbow",
+    "left_wrist",
+    "pelvis",
+    "right_hip",
+    "right_knee",
+    "right_ankle",
+    "left_hip",
+    "left_knee",
+    "left_ankle",
+    "right_eye",
+    "left_eye",
+    "",
+    "",
+    "",
+    "",
+    "",
+    "",
+    "",
+    "",
 ];
 
 /// COCO's 17.
 const COCO_17: [&str; 17] = [
-    "", "left_eye", "right_eye", "", "", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
-    "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
+    "",
+    "left_eye",
+    "right_eye",
+    "",
+    "",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+    "left_hip",
+    "right_hip",
+    "left_knee",
+    "right_knee",
+    "left_ankle",
+    "right_ankle",
 ];
 
 /// A hand as OpenPose, COCO-WholeBody and MediaPipe count it: the wrist, then each finger from the palm to its tip.
@@ -73,7 +111,8 @@ fn owned(names: &[&str]) -> Vec<String> {
 ///
 /// 17 COCO, 133 COCO-WholeBody, 136 Halpe, 25 BODY_25, 67 with hands, 118 and 137 with a face, 135 BODY_135.
 pub fn of_count(count: usize) -> Option<Vec<String>> {
-    let with_hands = |body: Vec<String>, face: usize| [body, hand("left", true), hand("right", true), blank(face)].concat();
+    let with_hands =
+        |body: Vec<String>, face: usize| [body, hand("left", true), hand("right", true), blank(face)].concat();
     match count {
         17 => Some(owned(&COCO_17)),
         25 => Some(owned(&BODY_25)),
@@ -93,7 +132,10 @@ pub fn of_marker(marker: &str) -> String {
     // Vicon puts the subject before the marker.
     let name = marker.rsplit(':').next().unwrap_or(marker).trim().to_ascii_lowercase();
     let plain: String = name.chars().filter(|character| character.is_ascii_alphanumeric()).collect();
-    ALIASES.iter().find(|(alias, _)| *alias == plain).map_or(name.replace([' ', '-'], "_"), |(_, site)| (*site).to_owned())
+    ALIASES
+        .iter()
+        .find(|(alias, _)| *alias == plain)
+        .map_or(name.replace([' ', '-'], "_"), |(_, site)| (*site).to_owned())
 }
 
 #[cfg(test)]

@@ -39,7 +39,8 @@ pub fn of_arrays(path: &Path) -> Result<Track> {
         remedy: "docs/registration.md has the files of landmarks that are read".into(),
     };
     let file = ArrayFile::read(path)?.ok_or_else(|| unknown("no file of landmarks".into()))?;
-    let array = file.arrays.values().find(|array| matches!(array.shape[..], [.., 3..=5])).or(file.arrays.values().next());
+    let array =
+        file.arrays.values().find(|array| matches!(array.shape[..], [.., 3..=5])).or(file.arrays.values().next());
     let array = array.ok_or_else(|| unknown("no array".into()))?;
     let (points, width) = match array.shape[..] {
         [_, points, width @ 3..=5] | [points, width @ 3..=5] => (points, width),

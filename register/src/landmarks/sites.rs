@@ -42,7 +42,13 @@ impl Sites {
     /// Of a body.
     pub fn of(model: &BodyModel, linkage: &Linkage) -> Self {
         let joints = &model.skeleton().joints;
-        let weight = |name: &str| if tip_of(name).is_some() || name.ends_with(['1', '2']) && !name.starts_with("spine") { OF_HANDS } else { 1.0 };
+        let weight = |name: &str| {
+            if tip_of(name).is_some() || name.ends_with(['1', '2']) && !name.starts_with("spine") {
+                OF_HANDS
+            } else {
+                1.0
+            }
+        };
         let mut sites: Vec<NamedSite> = (joints.iter().enumerate())
             .map(|(joint, name)| NamedSite { name: name.clone(), at: Site::Joint(joint), weight: weight(name) })
             .collect();

@@ -33,7 +33,9 @@ fn our_own_are_found_by_frame_and_by_sequence() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("landmarks.json");
     let write = |frame: &str| {
-        let text = format!("{{\"names\": [\"left_knee\", \"pelvis\"], \"frames\": {{\"{frame}\": [[0.25, 0.5, -0.75, 1], null]}}}}");
+        let text = format!(
+            "{{\"names\": [\"left_knee\", \"pelvis\"], \"frames\": {{\"{frame}\": [[0.25, 0.5, -0.75, 1], null]}}}}"
+        );
         fs::write(&path, text).unwrap();
     };
     for frame in ["f00002", "Take1/f00002", "train/Take1/f00002"] {
@@ -56,8 +58,10 @@ fn folders_of_openpose_and_easymocap_have_a_file_a_frame() {
         for frame in 1..=2 {
             let numbers = serde_json::to_string(rows(25, 13).as_flattened()).unwrap();
             let openpose = format!("{{\"people\": [{{\"pose_keypoints_3d\": {numbers}}}]}}");
-            let easymocap = format!("[{{\"id\": 0, \"keypoints3d\": {}}}]", serde_json::to_string(&rows(67, 13)).unwrap());
-            fs::write(take.join(format!("{frame:012}_keypoints.json")), if hands { easymocap } else { openpose }).unwrap();
+            let easymocap =
+                format!("[{{\"id\": 0, \"keypoints3d\": {}}}]", serde_json::to_string(&rows(67, 13)).unwrap());
+            fs::write(take.join(format!("{frame:012}_keypoints.json")), if hands { easymocap } else { openpose })
+                .unwrap();
         }
         assert_eq!(left_knee(folder.path()), Some(KNEE));
     }

@@ -54,7 +54,9 @@ impl BodyPoints {
         let shapes: Vec<&[f32]> = anatomy.shapes.directions().collect();
         let correctives: Vec<&[f32]> = match &anatomy.correctives {
             Correctives::None => Vec::new(),
-            Correctives::RotationEntries(shapes) | Correctives::Quaternions { shapes, .. } => shapes.directions().collect(),
+            Correctives::RotationEntries(shapes) | Correctives::Quaternions { shapes, .. } => {
+                shapes.directions().collect()
+            }
         };
         let at = |direction: &[f32], vertex: usize| match direction.is_empty() {
             true => DVec3::ZERO,
@@ -63,8 +65,12 @@ impl BodyPoints {
         let (per_joint, first) = linkage.drive.features();
         let point = |&vertex: &usize| {
             let of_vertex = &anatomy.skinning_weights[vertex * joints..(vertex + 1) * joints];
-            let weights: Vec<(usize, f64)> =
-                of_vertex.iter().enumerate().filter(|(_, w)| **w != 0.0).map(|(joint, w)| (joint, f64::from(*w))).collect();
+            let weights: Vec<(usize, f64)> = of_vertex
+                .iter()
+                .enumerate()
+                .filter(|(_, w)| **w != 0.0)
+                .map(|(joint, w)| (joint, f64::from(*w)))
+                .collect();
             let of_joint = |joint: usize| -> Vec<DVec3> {
                 let from = (joint - first) * per_joint;
                 correctives[from..from + per_joint].iter().map(|direction| at(direction, vertex)).collect()
@@ -72,7 +78,10 @@ impl BodyPoints {
             let matters = |offsets: &Vec<DVec3>| offsets.iter().any(|offset| offset.length() > f64::from(NEGLIGIBLE));
             let correctives: Vec<(usize, Vec<DVec3>)> = match per_joint {
                 0 => Vec::new(),
-                _ => (first..joints).map(|joint| (joint, of_joint(joint))).filter(|(_, offsets)| matters(offsets)).collect(),
+                _ => (first..joints)
+                    .map(|joint| (joint, of_joint(joint)))
+                    .filter(|(_, offsets)| matters(offsets))
+                    .collect(),
             };
             let mut moving: Vec<usize> = correctives.iter().map(|(joint, _)| *joint).collect();
             for (joint, _) in &weights {
@@ -86,7 +95,8 @@ impl BodyPoints {
                 joints: moving,
                 directions: shapes.iter().map(|direction| at(direction, vertex)).collect(),
                 correctives,
-                of_coefficient: last_corrective(linkage.drive).map_or(DVec3::ZERO, |_| corrective_of_coefficient(anatomy, vertex, at)),
+                of_coefficient: last_corrective(linkage.drive)
+                    .map_or(DVec3::ZERO, |_| corrective_of_coefficient(anatomy, vertex, at)),
             }
         };
         Self { points: vertices.iter().map(point).collect() }
@@ -184,8 +194,11 @@ impl BodyPoints {
                 continue;
             }
             let offset = if driven == Some(coefficient) { *direction + point.of_coefficient } else { *direction };
-            let of_bones: f64 =
-                point.weights.iter().map(|(joint, weight)| weight * n.dot(chain.shift_slopes[*joint][coefficient])).sum();
+            let of_bones: f64 = point
+                .weights
+                .iter()
+                .map(|(joint, weight)| weight * n.dot(chain.shift_slopes[*joint][coefficient]))
+                .sum();
             row.push(unknowns, column, at_rest.dot(offset) + of_bones);
         }
     }
@@ -194,7 +207,8 @@ impl BodyPoints {
 impl Point {
     /// T.
     fn rest(&self, chain: &PosedChain, driving: f64) -> DVec3 {
-        let shaped = self.directions.iter().zip(&chain.coefficients).map(|(direction, coefficient)| *direction * *coefficient);
+        let shaped =
+            self.directions.iter().zip(&chain.coefficients).map(|(direction, coefficient)| *direction * *coefficient);
         let corrected = self.correctives.iter().flat_map(|(joint, offsets)| {
             offsets.iter().zip(&chain.features[*joint]).map(|(offset, feature)| *offset * *feature)
         });
@@ -211,9 +225,15 @@ fn last_corrective(drive: Drive) -> Option<usize> {
 }
 
 /// The last corrective, which a coefficient drives.
-fn corrective_of_coefficient(anatomy: &xavatar_body::Anatomy, vertex: usize, at: impl Fn(&[f32], usize) -> DVec3) -> DVec3 {
+fn corrective_of_coefficient(
+    anatomy: &xavatar_body::Anatomy,
+    vertex: usize,
+    at: impl Fn(&[f32], usize) -> DVec3,
+) -> DVec3 {
     match &anatomy.correctives {
-        Correctives::Quaternions { shapes, .. } => shapes.directions().last().map_or(DVec3::ZERO, |last| at(last, vertex)),
+        Correctives::Quaternions { shapes, .. } => {
+            shapes.directions().last().map_or(DVec3::ZERO, |last| at(last, vertex))
+        }
         Correctives::None | Correctives::RotationEntries(_) => DVec3::ZERO,
     }
 }

@@ -72,7 +72,9 @@ impl Linkage {
         let drive = match anatomy.correctives {
             Correctives::None => Drive::Nothing,
             Correctives::RotationEntries(_) => Drive::RotationEntries,
-            Correctives::Quaternions { first_joint, coefficient, .. } => Drive::Quaternions { first_joint, coefficient },
+            Correctives::Quaternions { first_joint, coefficient, .. } => {
+                Drive::Quaternions { first_joint, coefficient }
+            }
         };
         Self {
             parents: anatomy.skeleton.parents.clone(),
@@ -138,7 +140,8 @@ impl Linkage {
             let slopes = position_slopes[joint].iter().zip(&self.directions);
             slopes.map(|(slope, direction)| *slope - turns[joint] * direction[joint]).collect()
         };
-        let (features, feature_slopes) = pose.rotations.iter().enumerate().map(|(joint, r)| self.features(joint, r)).unzip();
+        let (features, feature_slopes) =
+            pose.rotations.iter().enumerate().map(|(joint, r)| self.features(joint, r)).unzip();
         PosedChain {
             shifts: (0..joints).map(shift).collect(),
             shift_slopes: (0..joints).map(shift_slope).collect(),

@@ -16,7 +16,8 @@ fn model(name: &str) -> BodyModel {
 /// A pose in which nothing is special, and a shape.
 fn some_pose(extents: Extents) -> (FramePose, Vec<f64>) {
     let wave = |index: usize, step: f64| (index as f64 * step).sin();
-    let turns = (0..extents.joints).map(|joint| (joint, DVec3::new(wave(joint, 1.3), wave(joint, 2.1), wave(joint, 0.7)) * 0.6));
+    let turns = (0..extents.joints)
+        .map(|joint| (joint, DVec3::new(wave(joint, 1.3), wave(joint, 2.1), wave(joint, 0.7)) * 0.6));
     let mut pose = FramePose::turned(extents, turns);
     pose.translation = DVec3::new(0.3, -0.2, 1.1);
     pose.expression.iter_mut().enumerate().for_each(|(index, value)| *value = wave(index + 1, 1.7));
@@ -47,7 +48,11 @@ fn places_are_those_of_the_body() {
         let joints: Vec<DVec3> = (0..linkage.extents().joints).map(|joint| chain.joint(joint)).collect();
         assert!(far(&joints, &expected.joints) < 1e-12, "{name}");
         // Correctives that are not differentiated are not applied either.
-        assert!(far(&posed.positions, &expected.vertices) < 1e-4, "{name}: {}", far(&posed.positions, &expected.vertices));
+        assert!(
+            far(&posed.positions, &expected.vertices) < 1e-4,
+            "{name}: {}",
+            far(&posed.positions, &expected.vertices)
+        );
     }
 }
 
@@ -67,7 +72,11 @@ fn every_column_is_that_of_finite_differences() {
         let heights = |pose: &FramePose, shape: &[f64]| -> Vec<f64> {
             let chain = linkage.posed(pose, shape);
             let vertices = points.posed(&linkage, &chain).positions;
-            vertices.into_iter().chain(joints.iter().map(|joint| chain.joint(*joint))).map(|place| n.dot(place)).collect()
+            vertices
+                .into_iter()
+                .chain(joints.iter().map(|joint| chain.joint(*joint)))
+                .map(|place| n.dot(place))
+                .collect()
         };
         let moved = |column: usize, by: f64| {
             let mut step = vec![0.0; extents.count()];
@@ -97,7 +106,11 @@ fn every_column_is_that_of_finite_differences() {
             let place = unknowns.place(column).unwrap();
             for (index, row) in rows.iter().enumerate() {
                 let numeric = (ahead[index] - behind[index]) / (2.0 * STEP);
-                assert!((numeric - row[place]).abs() < 1e-8, "{name}, column {column}, row {index}: {numeric} {}", row[place]);
+                assert!(
+                    (numeric - row[place]).abs() < 1e-8,
+                    "{name}, column {column}, row {index}: {numeric} {}",
+                    row[place]
+                );
             }
         }
     }

@@ -49,7 +49,9 @@ impl PosePrior {
         let turns = pose.rotations.iter().map(so3::log).enumerate().skip(1);
         let of_joint = |(joint, turn): (usize, DVec3)| {
             let limits = self.joints[joint].limits.into_iter().enumerate();
-            limits.filter_map(move |(axis, limits)| Some((joint, axis, excess(turn[axis], limits?)))).filter(|(_, _, excess)| *excess != 0.0)
+            limits
+                .filter_map(move |(axis, limits)| Some((joint, axis, excess(turn[axis], limits?))))
+                .filter(|(_, _, excess)| *excess != 0.0)
         };
         turns.flat_map(of_joint).collect()
     }
@@ -70,7 +72,8 @@ impl PosePrior {
                     row.push(unknowns, extents.turn(index) + column, slope.col(column)[axis]);
                 }
                 equations.add(&row, turn[axis] - joint.mean[axis], 1.0 / joint.sigma[axis].powi(2));
-                if let Some(excess) = joint.limits[axis].map(|limits| excess(turn[axis], limits)).filter(|e| *e != 0.0) {
+                if let Some(excess) = joint.limits[axis].map(|limits| excess(turn[axis], limits)).filter(|e| *e != 0.0)
+                {
                     equations.add(&row, excess, 1.0 / LIMIT.powi(2));
                 }
             }
@@ -180,7 +183,8 @@ mod tests {
         let model = BodyModel::from_arrays(&path, &read_npz(&path).unwrap()).unwrap();
         let extents = Extents { joints: 55, shapes: 10, expressions: 10 };
         let prior = PosePrior::of(&model);
-        let pose = FramePose::turned(extents, (0..55).map(|joint| (joint, DVec3::new(0.9, -0.7, 0.4) * (joint as f64).sin())));
+        let pose =
+            FramePose::turned(extents, (0..55).map(|joint| (joint, DVec3::new(0.9, -0.7, 0.4) * (joint as f64).sin())));
         assert!(prior.beyond_limits(&pose).len() > 20);
         let joints: Vec<usize> = (1..55).collect();
         let unknowns = Unknowns::new(extents, &joints, Besides::default());
