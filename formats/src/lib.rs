@@ -47,7 +47,9 @@ pub use input_file::{open_file, read_bytes, read_text};
 pub use npy::{npy_bytes, parse_npy, read_npy};
 pub use npz::{parse_npz, read_npz, write_npz};
 pub use output_folder::{FolderLock, create_folder, is_vacant, remove_partial};
-pub use pickle::{Value, parse_pickle, parse_pickle_arrays, read_pickle, read_pickle_arrays, write_pickle};
+pub use pickle::{
+    Value, parse_pickle, parse_pickle_arrays, read_pickle, read_pickle_arrays, write_pickle, write_pickle_array,
+};
 pub use picture_file::{PICTURE_FORMATS, decode_picture, guarded, read_picture, write_picture};
 pub use remedy::{Choice, Remedy};
 pub use shown::{Shown, harmless};

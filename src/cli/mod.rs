@@ -30,6 +30,7 @@ mod motion;
 mod outputs;
 mod pointcloud;
 mod progress;
+mod register;
 mod render;
 mod render_rgbd;
 mod report;
@@ -70,6 +71,7 @@ struct CommandLine {
 enum Verb {
     Demo(demo::Demo),
     Check(check::Check),
+    Register(register::Register),
     Train(train::Train),
     Eval(eval::Eval),
     Ablate(ablate::Ablate),
@@ -173,6 +175,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
     match command_line.verb {
         Verb::Demo(verb) => verb.run(),
         Verb::Check(verb) => verb.run(),
+        Verb::Register(verb) => verb.run(),
         Verb::Train(verb) => verb.run(),
         Verb::Eval(verb) => verb.run(),
         Verb::Ablate(verb) => verb.run(),

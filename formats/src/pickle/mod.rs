@@ -23,7 +23,7 @@ mod write;
 use std::path::Path;
 
 pub use value::Value;
-pub use write::write_pickle;
+pub use write::{write_pickle, write_pickle_array};
 
 pub(super) use flatten::flatten;
 pub(super) use tensors::Storages;

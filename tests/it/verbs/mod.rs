@@ -2,6 +2,7 @@
 
 mod check;
 mod cli;
+mod register;
 mod render;
 mod rgbd;
 mod runs;
