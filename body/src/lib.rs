@@ -7,6 +7,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod anatomy;
+pub mod anny;
 mod batch;
 mod blend_shapes;
 mod bones;
@@ -14,6 +15,8 @@ mod families;
 mod gender;
 mod hands;
 mod influences;
+mod joint_regressor;
+mod least_squares;
 mod model;
 mod model_file;
 mod parameters;
