@@ -7,9 +7,10 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
-use xavatar::data::{Clip, Coordinates, HandConvention, MotionOptions, RestPose, Translation, UpAxis, Warning};
+use xavatar::body::BodyModel;
+use xavatar::data::{Coordinates, HandConvention, MotionOptions, PosedClip, RestPose, Translation, UpAxis, Warning};
 use xavatar::formats::read_text;
-use xavatar::synthetic::load_clip;
+use xavatar::synthetic::load_poses;
 
 use super::option;
 
@@ -90,11 +91,11 @@ enum Travel {
 struct FrameRange(usize, Option<usize>);
 
 impl MotionArguments {
-    /// Reads a motion for an avatar, and tells what was detected, declared and changed.
-    pub fn load(&self, motion: &Path, avatar: &Avatar) -> anyhow::Result<Clip> {
-        let clip = load_clip(motion, &self.options(avatar)?)?;
+    /// Reads a motion for an avatar, posed by `body` where there is one, and tells what was detected, declared and changed.
+    pub fn load(&self, motion: &Path, avatar: &Avatar, body: Option<&BodyModel>) -> anyhow::Result<PosedClip> {
+        let clip = load_poses(motion, &self.options(avatar)?, &avatar.subject.skeleton, body)?;
         clip.report.iter().for_each(|line| log::info!("{line}"));
-        warn(&clip);
+        warn(&clip.warnings);
         Ok(clip)
     }
 
@@ -148,8 +149,8 @@ impl MotionArguments {
 }
 
 /// Says what may be wrong with a motion, and the option for it.
-pub fn warn(clip: &Clip) {
-    clip.warnings.iter().for_each(|warning| log::warn!("{}", described(warning)));
+pub fn warn(warnings: &[Warning]) {
+    warnings.iter().for_each(|warning| log::warn!("{}", described(warning)));
 }
 
 /// A warning, with the option for it.
