@@ -63,6 +63,7 @@ impl Train {
             log::info!("stopped; go on with\n  xavatar train {data} --body {body} --out {out} --resume");
             return Ok(Outcome::Stopped);
         }
+        stop::set_training(false);
         outputs::print(&format!("{}\n", self.out.join(Avatar::FILE).display()))?;
         let report = self.write_report(&run.avatar()?, &opened)?;
         log::info!("report: {}", report.display());

@@ -5,6 +5,7 @@
 
 mod chart;
 mod closeup;
+mod figure;
 mod machine;
 mod metrics;
 mod page;
@@ -20,6 +21,7 @@ use glam::Vec3;
 use image::RgbImage;
 
 pub use closeup::closeup;
+pub use figure::LineFigure;
 pub use machine::machine;
 pub use page::Fact;
 pub use part_colours::{part_colour, part_colours, part_names};

@@ -12,3 +12,4 @@ mod rgbd_training;
 mod runs;
 mod toy_family;
 mod training;
+pub mod untrained;

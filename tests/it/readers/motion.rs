@@ -109,6 +109,7 @@ fn motions_survive_a_round_trip_in_every_hand_convention() {
         });
         assert_eq!(read.frames, written.collect::<Vec<_>>());
         assert_eq!(read.frames_per_second, motion.frames_per_second);
+        assert!(read.zeroed.is_empty(), "{:?}", read.zeroed);
     }
 }
 

@@ -5,5 +5,6 @@ mod check;
 mod cli;
 mod render;
 mod rgbd;
+mod runs;
 mod tool;
 mod view;
