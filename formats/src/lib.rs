@@ -7,6 +7,7 @@
 //! | PyTorch checkpoint | [`read_torch`] |
 //! | any of these and JSON, by what it begins with, compressed or not | [`ArrayFile`] |
 //! | safetensors | [`TensorFile`] |
+//! | a folder or a zip archive, as named files | [`FileTree`] |
 //! | PNG, JPEG, TIFF, BMP, TGA | [`read_picture`] |
 //!
 //! Files are opened by [`open_file`], which refuses pipes and devices, and read on a budget of memory in proportion to their size.
@@ -24,6 +25,7 @@ mod budget;
 mod element;
 mod error;
 mod fault;
+mod file_tree;
 mod input_file;
 mod jpeg;
 mod npy;
@@ -43,6 +45,7 @@ pub use atomic_file::write_atomically;
 pub use element::element_count;
 pub use error::{Error, MemoryLimit, Result};
 pub use fault::{Fault, excerpt};
+pub use file_tree::FileTree;
 pub use input_file::{open_file, read_bytes, read_text};
 pub use npy::{npy_bytes, parse_npy, read_npy};
 pub use npz::{parse_npz, read_npz, write_npz};

@@ -104,13 +104,12 @@ impl Export {
             None => None,
         };
         let motion = self.motion.as_deref().unwrap_or(Path::new(DANCE));
-        let clip = self.options.load(motion, avatar)?;
+        let clip = self.options.load(motion, avatar, body.as_ref())?;
         let rigging =
             Rigging { resolution: self.resolution, influences: self.influences, correctives: self.correctives };
-        let poses = self.options.poses(&clip, avatar, body.as_ref())?;
         progress.show("rig", 0.0, "the canonical surface");
         let (mut rigged, report) =
-            rigging.rig(avatar, body.as_ref(), &poses, clip.frames_per_second, |done, total| {
+            rigging.rig(avatar, body.as_ref(), &clip.poses, clip.frames_per_second, |done, total| {
                 progress.show("rig", done as f64 / total as f64, &format!("{done} of {total} frames"));
             })?;
         rigged.animation.name = motion.file_stem().unwrap_or_default().to_string_lossy().into_owned();

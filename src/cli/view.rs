@@ -45,13 +45,12 @@ impl View {
             Some(body) => Some(load_body(body, avatar.subject.gender)?),
             None => built_in_body(&avatar)?,
         };
-        let clip = self.options.load(&self.motion, &avatar)?;
+        let of_body = body.as_ref().map(|(body, _)| body);
+        let clip = self.options.load(&self.motion, &avatar, of_body)?;
         // A port that is taken is known before the work.
         let server = Server::bind(&self.host, self.port)?;
         log::info!("preparing the avatar");
-        let of_body = body.as_ref().map(|(body, _)| body);
-        let poses = self.options.poses(&clip, &avatar, of_body)?;
-        let rig = report::rig(&avatar, of_body, &poses, clip.frames_per_second)?;
+        let rig = report::rig(&avatar, of_body, &clip.poses, clip.frames_per_second)?;
         let animator = match &body {
             Some((body, labels)) => Some(Animator::new(&avatar, body, labels)?),
             None => None,

@@ -163,14 +163,9 @@ impl Render {
     /// The poses to be pictured, the scans that they are compared with, and how many a second.
     fn moments(&self, avatar: &Avatar, body: &BodyModel) -> anyhow::Result<(Option<ScanFrames>, Vec<Moment>, f32)> {
         let Some(data) = &self.against else {
-            let clip = self.options.load(&self.motion, avatar)?;
+            let clip = self.options.load(&self.motion, avatar, Some(body))?;
             let rate = clip.frames_per_second;
-            let moments = self
-                .options
-                .poses(&clip, avatar, Some(body))?
-                .into_iter()
-                .map(|pose| Moment { pose, scan: None })
-                .collect();
+            let moments = clip.poses.into_iter().map(|pose| Moment { pose, scan: None }).collect();
             return Ok((None, moments, rate));
         };
         let subject = Subject::open(data)?.settled(body)?;

@@ -101,7 +101,8 @@ pub(super) const TRANSLATION: &[Name] = &[
 ];
 /// Where the pelvis is, not by how much the body is moved.
 pub(super) const PELVIS: &[Name] = &[("root_trans_world", WORLD), ("root_trans_cam", CAMERA)];
-pub(super) const RATE: [&str; 5] = ["frames_per_second", "fps", "mocap_frame_rate", "mocap_framerate", "frame_rate"];
+pub(in crate::motion) const RATE: [&str; 5] =
+    ["frames_per_second", "fps", "mocap_frame_rate", "mocap_framerate", "frame_rate"];
 /// Whether hand vectors are absolute.
 pub(super) const FLAT_HANDS: &str = "flat_hand_mean";
 
