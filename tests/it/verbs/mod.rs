@@ -1,7 +1,9 @@
 //! Whole verbs, run as a user runs them.
 
+mod body;
 mod check;
 mod cli;
+mod register;
 mod render;
 mod rgbd;
 mod runs;
