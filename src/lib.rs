@@ -7,8 +7,9 @@
 //! # The body: theta, beta, psi to bones
 //!
 //! T = template + shapedirs [beta | psi] + posedirs vec(R(theta) - I); joints = regressor (template + shapedirs [beta | psi]); posed by linear
-//! blend skinning. [`body::BodyModel`] is that; [`body::BodyParameters`] are theta, beta and psi with their conventions as types: a
-//! hand pose says whether it is flat or relative to the model's mean. Deformers take B_j = G_j(theta) G_j(theta_canonical)^-1, from
+//! blend skinning. [`body::BodyModel`] is that, of a [`body::Skeleton`] that is data: joints, tree, parts, canonical pose. A
+//! [`body::Pose`] is theta, beta, psi and a translation; what a source states in its own terms, such as hands relative to the model's
+//! mean, are [`body::BodyParameters`], which the model resolves. Deformers take B_j = G_j(theta) G_j(theta_canonical)^-1, from
 //! [`canonical_to_posed`](body::BodyModel::canonical_to_posed).
 //!
 //! # The fields: f, c, w
@@ -74,6 +75,7 @@ pub use xavatar_body as body;
 pub use xavatar_data as data;
 pub use xavatar_formats as formats;
 pub use xavatar_mesh as mesh;
+pub use xavatar_register as register;
 pub use xavatar_render as render;
 
 pub use error::{Error, Result};

@@ -147,6 +147,29 @@ impl Skeleton {
         Pose { rotations: self.canonical.clone(), shape: shape.to_vec(), ..Pose::default() }
     }
 
+    /// The joints at rest (J), of those in the canonical pose.
+    pub fn at_rest(&self, canonical: &[Vec3]) -> Vec<Vec3> {
+        let mut joints = canonical.to_vec();
+        for pivot in 0..joints.len() {
+            let turn = self.canonical.get(pivot).copied().unwrap_or_default();
+            if turn == PoseAxisAngle::default() {
+                continue;
+            }
+            // The joints above are at rest by now: what is below turns back rigidly.
+            let (undo, place) = (rotation(PoseAxisAngle(-turn.0)), joints[pivot]);
+            for joint in (pivot + 1..joints.len()).filter(|joint| self.hangs_on(*joint, pivot)) {
+                joints[joint] = place + undo * (joints[joint] - place);
+            }
+        }
+        joints
+    }
+
+    /// Whether a joint is below another in the tree.
+    fn hangs_on(&self, joint: usize, ancestor: usize) -> bool {
+        let above = |joint: usize| self.parents.get(joint).copied().flatten();
+        std::iter::successors(above(joint), |joint| above(*joint)).any(|above| above == ancestor)
+    }
+
     /// The rest -> posed transform of each joint (J) from the rest positions (J) and the rotations relative to the parents (J).
     pub(super) fn bone_transforms(&self, rest: &[Vec3], rotations: &[Mat3A]) -> Vec<Affine3A> {
         let mut transforms: Vec<Affine3A> = Vec::with_capacity(rest.len());
@@ -203,6 +226,23 @@ mod tests {
             let descends = ancestors.into_iter().any(|ancestor| ancestor == 16);
             assert_eq!(*transform != Affine3A::IDENTITY, descends, "joint {joint}");
         }
+    }
+
+    #[test]
+    fn joints_at_rest_are_canonical_ones_turned_back() {
+        let mut skeleton = smplx::skeleton().clone();
+        // Turned joints below turned ones too.
+        skeleton.canonical[4] = PoseAxisAngle(Vec3::new(0.2, -0.4, 0.3));
+        let rest: Vec<Vec3> = (0..55).map(|joint| Vec3::new(joint as f32, (joint * joint % 7) as f32, 0.5)).collect();
+        let rotations: Vec<Mat3A> = skeleton.canonical.iter().map(|pose| rotation(*pose)).collect();
+        let transforms = skeleton.bone_transforms(&rest, &rotations);
+        let canonical: Vec<Vec3> =
+            transforms.iter().zip(&rest).map(|(transform, rest)| transform.transform_point3(*rest)).collect();
+        assert!(canonical[10].distance(rest[10]) > 1.0);
+        for (found, expected) in skeleton.at_rest(&canonical).iter().zip(&rest) {
+            assert!(found.distance(*expected) < 1e-4, "{found}");
+        }
+        assert_eq!(skeleton.at_rest(&[]), []);
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod notes;
 mod placement;
 mod rgbd;
 mod subject;
+mod whole_poses;
 mod xhumans;
 
 pub use capture::{Capture, CaptureKind, CapturedSubject, FrameId, RgbdCapture, ScanFrame, ScanFrames, Source, Split};
@@ -19,8 +20,8 @@ pub use check::{
     CheckReport, CheckedFrames, Defect, DistanceReport, Finding, HandReport, SequenceReport, UnusableFrame, check,
 };
 pub use motion::{
-    Clip, Coordinates, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, Warning, read_motion,
-    write_motion,
+    Clip, Coordinates, HandConvention, Motion, MotionOptions, PosedClip, RestPose, Translation, UpAxis, Warning,
+    read_motion, write_motion,
 };
 pub use notes::FrameNotes;
 pub use placement::{Origin, ScanPlacement};
@@ -29,5 +30,5 @@ pub use rgbd::{
     RgbdFrame, RgbdFrames, RgbdLayout, RgbdSubject, check_rgbd, parse_depth, read_depth, write_depth,
     write_rgbd_subject,
 };
-pub use subject::{FrameFile, FrameFiles, HandZero, Layout, Subject, read_frame};
-pub use xhumans::write_subject;
+pub use subject::{FrameFile, FrameFiles, HandZero, Layout, Scans, Subject, read_frame};
+pub use xhumans::{FrameFolder, write_common, write_subject};

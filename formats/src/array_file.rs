@@ -1,13 +1,13 @@
 //! Files of arrays of any container, told by what they begin with, not by their names: npz, npy, pickle, PyTorch, JSON, and each but
 //! the first compressed by zlib or gzip, as joblib does.
 
-use std::io::Read;
 use std::path::Path;
 
 use flate2::read::{GzDecoder, ZlibDecoder};
 
 use crate::budget::Budget;
 use crate::fault::Fault;
+use crate::file_tree::unpacked;
 use crate::input_file::read_bytes;
 use crate::npy::NpyFile;
 use crate::pickle::{Value, flatten, interpret};
@@ -130,29 +130,20 @@ fn is_zlib(bytes: &[u8]) -> bool {
     matches!(bytes, [0x78, second, ..] if (0x7800 + u16::from(*second)) % 31 == 0)
 }
 
-/// Whether bytes begin like a pickle: with a protocol, or, before there were any, with a container, or with a
-/// name and up to the mark that ends it.
+/// Whether bytes begin like a pickle: with a protocol, or, before there were any, with a container or a name.
 fn is_pickle(bytes: &[u8]) -> bool {
     matches!(bytes, [0x80, 0..=5, ..] | [b'(', b'd' | b'l' | b'i' | b'c', ..] | [b'}' | b']', b'q' | b'p', ..])
-        || matches!(bytes, [b'c', .., b'.'])
+        || names_what_it_makes(bytes)
 }
 
-fn unpacked(packed: impl Read, budget: &Budget) -> std::result::Result<Vec<u8>, Fault> {
-    const STEP: usize = 1 << 16;
-    let mut packed = packed;
-    let mut bytes = Vec::new();
-    loop {
-        budget.spend(STEP, "unpacking")?;
-        let before = bytes.len();
-        packed
-            .by_ref()
-            .take(STEP as u64)
-            .read_to_end(&mut bytes)
-            .map_err(|error| Fault::malformed("compressed data", error, "intact data"))?;
-        if bytes.len() - before < STEP {
-            return Ok(bytes);
-        }
-    }
+/// Whether bytes begin with the oldest protocol's name of a type or function, `c`, a line with its module and one with its own name,
+/// and end with the mark of a pickle's end.
+fn names_what_it_makes(bytes: &[u8]) -> bool {
+    let Some(names) = bytes.strip_prefix(b"c").filter(|_| bytes.ends_with(b".")) else { return false };
+    let mut lines = names.split(|byte| *byte == b'\n');
+    let is_name = |line: &[u8]| !line.is_empty() && !line.iter().any(u8::is_ascii_whitespace);
+    // A third line is what follows the two names.
+    lines.next().is_some_and(is_name) && lines.next().is_some_and(is_name) && lines.next().is_some()
 }
 
 fn json(bytes: &[u8], budget: &Budget) -> std::result::Result<Value, Fault> {

@@ -37,7 +37,7 @@ pub fn write_atomically(
 }
 
 /// Returns once the names in a folder are on the disk. Only Unix opens folders as files.
-#[allow(clippy::disallowed_methods)]
+#[allow(clippy::disallowed_methods, reason = "what is opened is a folder")]
 pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
     #[cfg(unix)]
     fs::File::open(folder)?.sync_all()?;

@@ -17,8 +17,7 @@ const LARGEST: u64 = 4 << 30;
 ///
 /// # Errors
 /// [`Error::Mismatch`] names what is no regular file; [`Error::Io`] if it cannot be opened.
-// The one place that opens files; clippy.toml denies it elsewhere.
-#[allow(clippy::disallowed_methods)]
+#[allow(clippy::disallowed_methods, reason = "the one place that opens files")]
 pub fn open_file(path: &Path) -> Result<File> {
     // Asked before it is opened: opening a pipe waits for somebody to write to it.
     let metadata = std::fs::metadata(path).map_err(Error::io(path))?;

@@ -114,8 +114,7 @@ pub fn remove_partial(folder: &Path) -> Result<()> {
 /// The machine's name, as far as it is known.
 fn host_name() -> String {
     let variable = |name| std::env::var(name).ok();
-    // The system's own file has no size; it is no user's.
-    #[allow(clippy::disallowed_methods)]
+    #[allow(clippy::disallowed_methods, reason = "the system's own file has no size")]
     let system = fs::read_to_string("/proc/sys/kernel/hostname").ok();
     let name = system.or_else(|| variable("HOSTNAME")).or_else(|| variable("COMPUTERNAME"));
     name.map_or("this machine".into(), |name| name.trim().to_owned())

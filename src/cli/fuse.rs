@@ -1,12 +1,11 @@
-//! `xavatar fuse`: how the error falls as the camera sees more of the turn, in one table and a plot.
+//! `xavatar fuse`: how the error falls as the camera sees more of the turn, in one table and a figure.
 
 use std::path::PathBuf;
 
-use image::RgbImage;
 use xavatar::body::Role;
 use xavatar::config::Config;
 use xavatar::data::{RgbdSubject, Source};
-use xavatar::render::{Plot, Series, write_png};
+use xavatar::report::LineFigure;
 use xavatar::runs::{Batch, Run, RunRow, RunTable, SomeCaptures, Turn, Yardstick, turned};
 use xavatar::train::TrainingSpec;
 
@@ -14,6 +13,7 @@ use super::captured::Kind;
 use super::inputs::{Registered, Split, SubjectArguments};
 use super::json::JsonArgument;
 use super::measured_run::finish;
+use super::outputs::write_text;
 use super::progress::Progress;
 use super::training::TrainingArguments;
 use super::{Outcome, WrongUsage, stop};
@@ -25,11 +25,11 @@ use super::{Outcome, WrongUsage, stop};
 #[command(after_help = "Examples:\n  \
     xavatar fuse data/00016 --body models/smplx --out runs/fusion --minutes 3\n  \
     xavatar fuse data/00016 --body models/smplx --out runs/views --turns 90,180,360 --equal-frames --minutes 3\n\n\
-    Writes fusion.json, fusion.md and fusion.png, and a run's folder a row. The same call again goes on where one was stopped.")]
+    Writes fusion.json, fusion.md and fusion.svg, and a run's folder a row. The same call again goes on where one was stopped.")]
 pub struct Fuse {
     #[command(flatten)]
     subject: SubjectArguments,
-    /// The folder for the runs, the table and the plot: new, empty, or that of the same call before
+    /// The folder for the runs, the table and the figure: new, empty, or that of the same call before
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Parts of the turn, degrees
@@ -51,7 +51,7 @@ pub struct Fuse {
 }
 
 impl Fuse {
-    const PLOT: &str = "fusion.png";
+    const FIGURE: &str = "fusion.svg";
 
     pub fn run(mut self) -> anyhow::Result<Outcome> {
         self.turns.sort_by(f64::total_cmp);
@@ -62,7 +62,7 @@ impl Fuse {
         self.json.check()?;
         let Registered { subject, body, labels } = self.subject.open()?;
         let source = RgbdSubject::open(&self.subject.data)?.training_frames();
-        let batch = Batch::open(&self.out, "fusion", &runs, &[Self::PLOT])?;
+        let batch = Batch::open(&self.out, "fusion", &runs, &[Self::FIGURE])?;
         let stop = stop::on_interrupt()?;
         let split = self.split.into();
         let yardstick = Yardstick { scans: &subject.frames(split), split, resolution: self.resolution };
@@ -86,9 +86,9 @@ impl Fuse {
             table.rows.push(RunRow { key: Turn { turn, trained_on: captures.ids().len() }, metrics });
             batch.write(&table)?;
         }
-        let plot = self.out.join(Self::PLOT);
-        write_png(&plot, &picture_of(&table)?)?;
-        let files = format!("{}\n{}", batch.json().display(), plot.display());
+        let figure = self.out.join(Self::FIGURE);
+        write_text(&figure, &figure_of(&table).svg()?)?;
+        let files = format!("{}\n{}", batch.json().display(), figure.display());
         self.json.print(&table, &format!("{table}{files}"))?;
         Ok(Outcome::Done)
     }
@@ -99,28 +99,22 @@ fn folder_of(turn: f64) -> String {
 }
 
 /// The chamfer distances of the table as lines.
-fn picture_of(table: &RunTable<Turn>) -> xavatar::formats::Result<RgbImage> {
+fn figure_of(table: &RunTable<Turn>) -> LineFigure {
     let parts = [("all", None), ("hands", Some(Role::Hands)), ("face", Some(Role::Face))];
     let has = |role: Role| table.rows.iter().any(|row| row.metrics.mean.by_role.contains_key(&role));
-    let series = parts.into_iter().filter(|(_, role)| role.is_none_or(has)).map(|(name, role)| Series {
-        name: name.into(),
-        points: table
-            .rows
-            .iter()
-            .map(|row| (row.key.turn, &row.metrics.mean))
-            .map(|(turn, mean)| (turn, role.map_or(mean.all, |role| mean.of(role))))
-            .map(|(turn, metrics)| (turn, metrics.map_or(f64::NAN, |metrics| metrics.cd_mm)))
-            .collect(),
-    });
-    let plot = Plot {
-        title: "Error by the part of the turn that the camera saw".into(),
-        x_label: "turn, degrees".into(),
-        y_label: "CD, mm".into(),
-        from_zero: true,
-        series: series.collect(),
-        size: (800, 500),
+    let error = |row: &RunRow<Turn>, role: Option<Role>| {
+        let mean = &row.metrics.mean;
+        role.map_or(mean.all, |role| mean.of(role)).map_or(f64::NAN, |metrics| metrics.cd_mm)
     };
-    plot.draw()
+    let line = |(name, role): (&str, Option<Role>)| {
+        let points = table.rows.iter().map(|row| (row.key.turn, error(row, role)));
+        (name.to_owned(), points.collect())
+    };
+    LineFigure {
+        title: "Error by the part of the turn that the camera saw".into(),
+        axes: "turn, degrees; CD, mm".into(),
+        lines: parts.into_iter().filter(|(_, role)| role.is_none_or(has)).map(line).collect(),
+    }
 }
 
 fn degrees(text: &str) -> Result<f64, String> {

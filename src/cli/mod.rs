@@ -8,6 +8,7 @@
 
 mod ablate;
 mod animate;
+mod body;
 mod captured;
 mod check;
 mod completions;
@@ -30,6 +31,7 @@ mod motion;
 mod outputs;
 mod pointcloud;
 mod progress;
+mod register;
 mod render;
 mod render_rgbd;
 mod report;
@@ -70,6 +72,7 @@ struct CommandLine {
 enum Verb {
     Demo(demo::Demo),
     Check(check::Check),
+    Register(register::Register),
     Train(train::Train),
     Eval(eval::Eval),
     Ablate(ablate::Ablate),
@@ -79,6 +82,7 @@ enum Verb {
     Render(render::Render),
     Export(export::Export),
     Convert(convert::Convert),
+    Body(body::Body),
     Info(info::Info),
     Doctor(doctor::Doctor),
     #[command(name = "pointcloud")]
@@ -173,6 +177,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
     match command_line.verb {
         Verb::Demo(verb) => verb.run(),
         Verb::Check(verb) => verb.run(),
+        Verb::Register(verb) => verb.run(),
         Verb::Train(verb) => verb.run(),
         Verb::Eval(verb) => verb.run(),
         Verb::Ablate(verb) => verb.run(),
@@ -182,6 +187,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Render(verb) => verb.run(),
         Verb::Export(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
+        Verb::Body(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
         Verb::Doctor(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),

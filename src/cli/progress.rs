@@ -9,6 +9,7 @@ use xavatar::runs::{Event, Observer};
 use xavatar::train::{Stage, StepRecord};
 
 use super::messages::{self, BARS, ProgressLine};
+use super::stop;
 
 /// Between plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);
@@ -37,6 +38,7 @@ impl Progress {
 
     /// `share` (0..1) of `phase` is done.
     pub fn show(&mut self, phase: &'static str, share: f64, message: &str) {
+        stop::set_training(false);
         if phase != self.phase {
             (self.phase, self.phase_began, self.phase_share, self.last_line) = (phase, Instant::now(), share, None);
             self.bar.set_prefix(phase);
@@ -92,6 +94,7 @@ impl Observer for Progress {
                     Stage::Pretraining => self.show("body", share(*step, steps.unwrap_or(*step)), &message),
                     Stage::Frames => self.show("avatar", progress, &message),
                 }
+                stop::set_training(true);
             }
             Event::Measured { done, total, frame } => {
                 self.show("measuring", share(done as u64, total as u64), frame);

@@ -23,8 +23,6 @@ pub struct LossSettings {
     pub colour_from_epoch: u64,
     /// Binary cross-entropy of points on bones being inside.
     pub bone: f64,
-    /// Points a bone.
-    pub bone_points: usize,
     /// Squared error of the weights at joints.
     pub joint: f64,
     /// Squared error of the weights at canonical vertices of hands and face.

@@ -1,7 +1,6 @@
 //! How the parameters move.
 
 use serde::{Deserialize, Serialize};
-use xavatar_network::AdamSettings;
 
 use super::{positive, within};
 use crate::Result;
@@ -24,10 +23,6 @@ pub struct OptimiserSettings {
     pub clip: f64,
     /// Frames a step.
     pub batch_frames: usize,
-    /// Adam's constants.
-    pub adam: AdamSettings,
-    /// Those for hash grids, whose entries are updated only when a sample touches them.
-    pub grid_adam: AdamSettings,
 }
 
 impl OptimiserSettings {

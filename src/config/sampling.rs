@@ -37,14 +37,10 @@ pub struct SamplingSettings {
     pub face_share: f64,
     /// Share of P on each hand (thesis: 1/8).
     pub hand_share: f64,
-    /// Further points drawn uniformly in the cube of `extent`.
-    pub uniform_points: usize,
     /// Canonical points drawn in the canonical box, kept where the body model alone decides between inside and outside.
     ///
     /// Not in the thesis: without them, space that only ever poses into the body may become body, and shows in a new pose.
     pub far_points: usize,
-    /// Half the edge of that cube, metres.
-    pub extent: f32,
     /// Standard deviation of the noise that moves surface points off the surface, metres.
     pub deviation: f32,
     /// Share of the points off the surface that get `wide_deviation` instead.
@@ -61,7 +57,6 @@ impl SamplingSettings {
     pub(super) fn check(&self) -> Result<()> {
         within("sampling.points", self.points as f64, 1e7)?;
         positive("sampling.points", self.points as f64)?;
-        positive("sampling.extent", self.extent.into())?;
         positive("sampling.deviation", self.deviation.into())?;
         positive("sampling.wide_deviation", self.wide_deviation.into())?;
         within("sampling.wide_share", self.wide_share.into(), 1.0)?;

@@ -21,8 +21,6 @@ pub struct Schedule {
     pub pretraining_steps: u64,
     /// Steps between checkpoints.
     pub checkpoint_steps: u64,
-    /// Checkpoints that are kept.
-    pub checkpoints_kept: usize,
     /// Steps between previews; 0 for none.
     pub preview_steps: u64,
 }
@@ -30,7 +28,6 @@ pub struct Schedule {
 impl Schedule {
     pub(super) fn check(&self) -> Result<()> {
         positive("schedule.checkpoint_steps", self.checkpoint_steps as f64)?;
-        positive("schedule.checkpoints_kept", self.checkpoints_kept as f64)?;
         within("schedule.minutes", self.minutes, 1e6)?;
         within("schedule.most_epochs", self.most_epochs as f64, 1e9)
     }

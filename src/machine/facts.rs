@@ -29,8 +29,7 @@ pub struct Facts {
 
 impl Facts {
     /// Those of this machine.
-    // What the system says of itself are files without a size.
-    #[allow(clippy::disallowed_methods)]
+    #[allow(clippy::disallowed_methods, reason = "what the system says of itself are files without a size")]
     pub fn of_this_machine() -> Self {
         let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
         let memory = read("/proc/meminfo");

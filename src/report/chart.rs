@@ -90,7 +90,7 @@ impl Chart {
         }
         let mut chart = Self::empty(label, 720.0, 200.0);
         let largest = values.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-        let y = Scale { low: 0.0, high: largest * 1.05, logarithmic: false, from: chart.bottom, to: chart.top };
+        let y = Scale::from_zero(largest, chart.bottom, chart.top);
         chart.y_ticks = y.ticks(4);
         let spacing = (chart.right - chart.left) / columns.len() as f64;
         let labelled = columns.len().div_ceil(12);
@@ -105,6 +105,33 @@ impl Chart {
             }
         }
         Some(chart)
+    }
+
+    /// Lines with a dot at each place, from zero, each with its class; values that are not finite are left out.
+    pub(super) fn lines(label: String, lines: &[(&'static str, &[(f64, f64)])]) -> Self {
+        let finite = |points: &[(f64, f64)]| -> Vec<_> {
+            points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
+        };
+        let lines: Vec<_> = lines.iter().map(|(class, points)| (*class, finite(points))).collect();
+        let largest = |value: fn(&(f64, f64)) -> f64| {
+            lines.iter().flat_map(|(_, points)| points).map(value).fold(f64::MIN_POSITIVE, f64::max)
+        };
+        let mut chart = Self::empty(label, 720.0, 360.0);
+        let x = Scale::from_zero(largest(|point| point.0), chart.left, chart.right);
+        let y = Scale::from_zero(largest(|point| point.1), chart.bottom, chart.top);
+        chart.x_ticks = x.ticks(6);
+        chart.y_ticks = y.ticks(4);
+        for (class, points) in lines {
+            let places = || points.iter().map(|point| (x.place(point.0), y.place(point.1)));
+            chart.marks.push(Mark::Path { class, data: path(places()) });
+            chart.marks.extend(places().zip(&points).map(|((across, up), point)| Mark::Dot {
+                class,
+                x: round(across),
+                y: round(up),
+                title: format!("{}: {}", number(point.0), number(point.1)),
+            }));
+        }
+        chart
     }
 
     fn empty(label: String, width: f64, height: f64) -> Self {
@@ -154,6 +181,11 @@ struct Scale {
 }
 
 impl Scale {
+    /// From zero to a little more than the largest value.
+    fn from_zero(largest: f64, from: f64, to: f64) -> Self {
+        Self { low: 0.0, high: largest * 1.05, logarithmic: false, from, to }
+    }
+
     /// From zero if that shows the values well, else logarithmic or around them.
     fn of(values: &[f64], from: f64, to: f64) -> Self {
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);

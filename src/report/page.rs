@@ -23,11 +23,12 @@ const SCRIPT: [&str; 7] = [
     include_str!("../../assets/report/viewer/live.js"),
 ];
 const START: &str = include_str!("../../assets/report/viewer/main.js");
-const TEMPLATES: [(&str, &str); 4] = [
+const TEMPLATES: [(&str, &str); 5] = [
     ("report.html", include_str!("../../assets/report/report.html")),
     ("view.html", include_str!("../../assets/report/view.html")),
     ("viewer.html", include_str!("../../assets/report/viewer.html")),
     ("chart.html", include_str!("../../assets/report/chart.html")),
+    ("figure.xml", include_str!("../../assets/report/figure.xml")),
 ];
 
 /// A label and its value.
@@ -55,6 +56,7 @@ pub(super) struct ReportPage {
     pub(super) figures: Vec<KeyFigure>,
     pub(super) viewer: Option<ViewerPart>,
     pub(super) metrics: Option<MetricsTable>,
+    pub(super) frames_heading: &'static str,
     pub(super) frames: Vec<Picture>,
     pub(super) training_caption: String,
     pub(super) curves: Vec<Curve>,
@@ -135,19 +137,7 @@ impl LivePage {
     }
 }
 
-fn filled(template: &'static str, page: &impl Serialize, nonce: &str) -> Result<String> {
-    let broken = |error: minijinja::Error| {
-        Error::from(InputError::Value {
-            name: format!("the report's template {template}"),
-            found: error.to_string(),
-            expected: "a template that fits its page".into(),
-        })
-    };
-    // Templates that end in .html have everything escaped that they do not call safe.
-    let mut environment = Environment::new();
-    for (name, source) in TEMPLATES {
-        environment.add_template(name, source).map_err(broken)?;
-    }
+fn filled(name: &'static str, page: &impl Serialize, nonce: &str) -> Result<String> {
     let filled = Filled {
         page,
         version: env!("CARGO_PKG_VERSION"),
@@ -156,7 +146,24 @@ fn filled(template: &'static str, page: &impl Serialize, nonce: &str) -> Result<
         nonce: nonce.into(),
         policy: policy(nonce, "'none'"),
     };
-    environment.get_template(template).and_then(|template| template.render(Serde(filled))).map_err(broken)
+    template(name, filled)
+}
+
+/// The template of that name, filled in.
+pub(super) fn template(name: &'static str, values: impl Serialize) -> Result<String> {
+    let broken = |error: minijinja::Error| {
+        Error::from(InputError::Value {
+            name: format!("the report's template {name}"),
+            found: error.to_string(),
+            expected: "a template that fits its page".into(),
+        })
+    };
+    // Templates that end in .html and .xml have everything escaped that they do not call safe.
+    let mut environment = Environment::new();
+    for (name, source) in TEMPLATES {
+        environment.add_template(name, source).map_err(broken)?;
+    }
+    environment.get_template(name).and_then(|template| template.render(Serde(values))).map_err(broken)
 }
 
 /// The page's own script, its own styles, pictures inside it; and requests to `servers` only.

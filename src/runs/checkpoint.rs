@@ -13,7 +13,7 @@ use crate::train::engine::Learned;
 use crate::train::{Progress, TrainingState};
 use crate::{Error, InputError, Result};
 
-const FOLDER: &str = "checkpoints";
+pub(super) const FOLDER: &str = "checkpoints";
 const BEST: &str = "best.safetensors";
 /// The tensor that holds what [`Learned::sampled_skinning`] does.
 const BAKED: &str = "baked_skinning";
@@ -85,8 +85,11 @@ fn restore(file: &TensorFile, path: &Path, state: &mut TrainingState) -> Result<
     Ok(())
 }
 
-/// Writes a checkpoint, then removes all but the newest `kept` and the best. Returns its path.
-pub(super) fn save(learned: &Learned, progress: &mut Progress, run: &Path, kept: usize) -> Result<PathBuf> {
+/// Checkpoints that are kept beside the best: a damaged one gives way to the one before.
+const KEPT: usize = 2;
+
+/// Writes a checkpoint, then removes all but the newest [`KEPT`] and the best. Returns its path.
+pub(super) fn save(learned: &Learned, progress: &mut Progress, run: &Path) -> Result<PathBuf> {
     let folder = run.join(FOLDER);
     create_folder(&folder)?;
     let best = progress.running_loss < progress.best_loss;
@@ -97,7 +100,7 @@ pub(super) fn save(learned: &Learned, progress: &mut Progress, run: &Path, kept:
     if best {
         file.write(&folder.join(BEST))?;
     }
-    for old in checkpoints(run)?.into_iter().skip(kept) {
+    for old in checkpoints(run)?.into_iter().skip(KEPT) {
         std::fs::remove_file(&old).map_err(InputError::io(&old))?;
     }
     Ok(path)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use xavatar_formats::{Choice, FolderLock, Remedy, is_vacant, write_atomically};
+use xavatar_formats::{Choice, FolderLock, Remedy, is_vacant, remove_partial, write_atomically};
 
 use super::cache::Cache;
 use super::checkpoint;
@@ -49,6 +49,9 @@ impl<'a> Run<'a> {
             Self::require_settings(folder, spec.config)?;
         }
         let lock = FolderLock::take(folder)?;
+        for part in [checkpoint::FOLDER, preview::FOLDER] {
+            remove_partial(&folder.join(part))?;
+        }
         if !is_begun {
             let settings = spec.config.to_toml()?;
             write_atomically(&folder.join(CONFIG), |file| file.write_all(settings.as_bytes()))?;
@@ -190,8 +193,7 @@ impl Session<'_, '_> {
         // Before the checkpoint they belong to: a run that goes on from it finds all of its steps noted, whenever the power fails.
         self.notes.sync()?;
         let (learned, progress) = self.trainer.state()?;
-        let kept = self.run.spec.config.schedule.checkpoints_kept;
-        let path = checkpoint::save(learned, progress, &self.run.folder, kept)?;
+        let path = checkpoint::save(learned, progress, &self.run.folder)?;
         self.observer.event(Event::Checkpoint { path: &path });
         Ok(())
     }

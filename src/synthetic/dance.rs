@@ -10,8 +10,9 @@ use std::path::Path;
 use glam::Vec3;
 
 use crate::Result;
-use crate::body::{HandPose, PoseAxisAngle, smplx};
-use crate::data::{Clip, Motion, MotionOptions};
+use crate::body::smplx::{self, joint};
+use crate::body::{BodyModel, HandPose, Pose, PoseAxisAngle, Skeleton};
+use crate::data::{Clip, Motion, MotionOptions, PosedClip};
 
 /// The name of the dance, where a motion's path is asked for.
 pub const DANCE: &str = "dance";
@@ -31,18 +32,17 @@ const STANCE: f32 = 0.12;
 const FINGER_CURL: [f32; 3] = [-0.95, -1.15, -0.8];
 const THUMB_CURL: [f32; 3] = [0.15, 0.4, -0.05];
 
-/// Indices into `body_pose`, which starts with joint 1.
-mod joint {
-    pub(super) const HIPS: [usize; 2] = [0, 1];
-    pub(super) const SPINE: [usize; 3] = [2, 5, 8];
-    pub(super) const KNEES: [usize; 2] = [3, 4];
-    pub(super) const ANKLES: [usize; 2] = [6, 7];
-    pub(super) const NECK: usize = 11;
-    pub(super) const COLLARS: [usize; 2] = [12, 13];
-    pub(super) const HEAD: usize = 14;
-    pub(super) const SHOULDERS: [usize; 2] = [15, 16];
-    pub(super) const ELBOWS: [usize; 2] = [17, 18];
-    pub(super) const WRISTS: [usize; 2] = [19, 20];
+/// Joints of both sides, the left one first.
+mod sides {
+    use crate::body::smplx::joint;
+
+    pub(super) const HIPS: [usize; 2] = [joint::LEFT_HIP, joint::RIGHT_HIP];
+    pub(super) const KNEES: [usize; 2] = [joint::LEFT_KNEE, joint::RIGHT_KNEE];
+    pub(super) const ANKLES: [usize; 2] = [joint::LEFT_ANKLE, joint::RIGHT_ANKLE];
+    pub(super) const COLLARS: [usize; 2] = [joint::LEFT_COLLAR, joint::RIGHT_COLLAR];
+    pub(super) const SHOULDERS: [usize; 2] = [joint::LEFT_SHOULDER, joint::RIGHT_SHOULDER];
+    pub(super) const ELBOWS: [usize; 2] = [joint::LEFT_ELBOW, joint::RIGHT_ELBOW];
+    pub(super) const WRISTS: [usize; 2] = [joint::LEFT_WRIST, joint::RIGHT_WRIST];
 }
 
 /// The built-in motion: 2.4 seconds of a dance in which every part of the body moves; the last frame runs into the first.
@@ -70,6 +70,22 @@ pub fn load_clip(path: &Path, options: &MotionOptions) -> Result<Clip> {
     Ok(Clip::of(motion, options)?)
 }
 
+/// Reads a motion for a skeleton ([`PosedClip::load`]); [`DANCE`] is the built-in one, unless there is such a file.
+///
+/// # Errors
+/// Those of [`PosedClip::load`].
+pub fn load_poses(
+    path: &Path,
+    options: &MotionOptions,
+    skeleton: &Skeleton,
+    body: Option<&BodyModel>,
+) -> Result<PosedClip> {
+    if path.as_os_str() != DANCE || path.exists() {
+        return Ok(PosedClip::load(path, options, skeleton, body)?);
+    }
+    Ok(load_clip(path, options)?.onto(skeleton, body)?)
+}
+
 /// The frames of one loop.
 fn frames() -> Vec<smplx::Parameters> {
     (0..FRAMES).map(|frame| pose(frame as f32 / FRAMES as f32)).collect()
@@ -81,7 +97,7 @@ fn pose(time: f32) -> smplx::Parameters {
     // The whole loop, half of it (two beats), and the beat.
     let [slow, swing, beat] = [1.0, 2.0, 4.0].map(|multiple| phase * multiple);
     let sway = swing.sin();
-    let mut body = [Vec3::ZERO; 21];
+    let mut body = [Vec3::ZERO; joint::LEFT_HAND.start];
 
     let bend = 0.38 + 0.16 * beat.cos();
     let turn = 0.12 * slow.sin();
@@ -90,15 +106,15 @@ fn pose(time: f32) -> smplx::Parameters {
         // A foot is up while the weight is on the other side.
         let lift = (0.5 - 0.5 * sign * sway).powi(4);
         let out = sign * STANCE - lean;
-        body[joint::HIPS[side]] = Vec3::new(-0.5 * bend - 0.55 * lift, -turn, out);
-        body[joint::KNEES[side]] = Vec3::X * (bend + 0.95 * lift);
-        body[joint::ANKLES[side]] = Vec3::new(-0.5 * bend - 0.3 * lift, 0.0, -out);
+        body[sides::HIPS[side]] = Vec3::new(-0.5 * bend - 0.55 * lift, -turn, out);
+        body[sides::KNEES[side]] = Vec3::X * (bend + 0.95 * lift);
+        body[sides::ANKLES[side]] = Vec3::new(-0.5 * bend - 0.3 * lift, 0.0, -out);
     }
 
     let roll = 0.07 * sway;
-    body[joint::SPINE[0]] = Vec3::new(0.06, -turn, roll);
-    body[joint::SPINE[1]] = Vec3::new(0.04 + 0.04 * beat.sin(), 0.10 * slow.cos(), roll);
-    body[joint::SPINE[2]] = Vec3::new(0.03 * beat.sin(), 0.14 * slow.cos(), -0.5 * roll);
+    body[joint::SPINE1] = Vec3::new(0.06, -turn, roll);
+    body[joint::SPINE2] = Vec3::new(0.04 + 0.04 * beat.sin(), 0.10 * slow.cos(), roll);
+    body[joint::SPINE3] = Vec3::new(0.03 * beat.sin(), 0.14 * slow.cos(), -0.5 * roll);
     body[joint::NECK] = Vec3::new(0.05 - 0.05 * beat.sin(), -0.08 * slow.cos(), -0.5 * roll);
     body[joint::HEAD] = Vec3::new(0.08 * beat.cos(), 0.30 * (slow + 0.6).sin(), -0.10 * sway);
 
@@ -106,38 +122,28 @@ fn pose(time: f32) -> smplx::Parameters {
         // A wave that runs down each arm, the two arms half a loop apart.
         let raise = |lag: f32| (slow * 2.0 + if sign > 0.0 { 0.0 } else { TAU / 4.0 } - lag).sin();
         let mirrored = |turn: Vec3| turn * Vec3::new(1.0, sign, sign);
-        body[joint::COLLARS[side]] = mirrored(Vec3::new(0.0, 0.0, 0.06 + 0.10 * raise(0.0)));
-        body[joint::SHOULDERS[side]] = mirrored(Vec3::new(-0.1, -0.35 - 0.2 * slow.cos(), -0.35 + 0.55 * raise(0.0)));
-        body[joint::ELBOWS[side]] = mirrored(Vec3::new(0.0, -0.75 + 0.35 * raise(0.9), 0.25 * raise(0.9)));
-        body[joint::WRISTS[side]] = mirrored(Vec3::new(0.0, 0.0, 0.45 * raise(1.8)));
+        body[sides::COLLARS[side]] = mirrored(Vec3::new(0.0, 0.0, 0.06 + 0.10 * raise(0.0)));
+        body[sides::SHOULDERS[side]] = mirrored(Vec3::new(-0.1, -0.35 - 0.2 * slow.cos(), -0.35 + 0.55 * raise(0.0)));
+        body[sides::ELBOWS[side]] = mirrored(Vec3::new(0.0, -0.75 + 0.35 * raise(0.9), 0.25 * raise(0.9)));
+        body[sides::WRISTS[side]] = mirrored(Vec3::new(0.0, 0.0, 0.45 * raise(1.8)));
     }
 
     let [left_hand, right_hand] = [1.0, -1.0].map(|sign| hand(swing + if sign > 0.0 { 0.0 } else { TAU / 4.0 }, sign));
-    let gaze = PoseAxisAngle(Vec3::Y * (0.12 * (slow + 1.2).sin()));
+    body[joint::PELVIS] = Vec3::Y * turn;
+    body[joint::JAW] = Vec3::X * (0.11 + 0.09 * beat.cos());
+    let gaze = Vec3::Y * (0.12 * (slow + 1.2).sin());
+    (body[joint::LEFT_EYE], body[joint::RIGHT_EYE]) = (gaze, gaze);
     let knees_lower = 2.0 * LEG_BONE * (1.0 - (0.5 * bend).cos());
-    smplx::Parameters {
-        betas: Vec::new(),
-        expression: vec![
-            1.0 * (0.5 + 0.5 * slow.sin()),
-            0.8 * sway,
-            0.6 * slow.cos(),
-            0.4 * beat.sin(),
-            0.4 * swing.cos(),
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-        ],
-        global_orient: PoseAxisAngle(Vec3::Y * turn),
-        body_pose: body.map(PoseAxisAngle),
-        jaw_pose: PoseAxisAngle(Vec3::X * (0.11 + 0.09 * beat.cos())),
-        left_eye_pose: gaze,
-        right_eye_pose: gaze,
-        left_hand_pose: left_hand,
-        right_hand_pose: right_hand,
-        transl: Vec3::new(SWAY * sway, -knees_lower, 0.0),
-    }
+    let mut expression =
+        vec![0.5 + 0.5 * slow.sin(), 0.8 * sway, 0.6 * slow.cos(), 0.4 * beat.sin(), 0.4 * swing.cos()];
+    expression.resize(smplx::EXPRESSIONS, 0.0);
+    let pose = Pose {
+        rotations: body.map(PoseAxisAngle).into(),
+        shape: Vec::new(),
+        expression,
+        translation: Vec3::new(SWAY * sway, -knees_lower, 0.0),
+    };
+    smplx::Parameters { left_hand_pose: left_hand, right_hand_pose: right_hand, ..smplx::Parameters::from(&pose) }
 }
 
 /// A hand whose fingers close one after the other; `sign` -1 is the right one.
@@ -163,9 +169,8 @@ mod tests {
             HandPose::Flat(joints) => joints.to_vec(),
             _ => panic!("the dance's hands are absolute"),
         };
-        let single = [parameters.jaw_pose, parameters.left_eye_pose, parameters.right_eye_pose];
-        let rotations = [parameters.global_orient].into_iter().chain(parameters.body_pose).chain(single);
-        let rotations = rotations.chain(hand(&parameters.left_hand_pose)).chain(hand(&parameters.right_hand_pose));
+        let rotations =
+            parameters.before_hands().chain(hand(&parameters.left_hand_pose)).chain(hand(&parameters.right_hand_pose));
         let components = rotations.flat_map(|rotation| rotation.0.to_array());
         components.chain(parameters.expression.clone()).chain(parameters.transl.to_array()).collect()
     }
@@ -193,12 +198,12 @@ mod tests {
             let values: Vec<f32> = frames.iter().map(value).collect();
             values.iter().copied().fold(f32::MIN, f32::max) - values.iter().copied().fold(f32::MAX, f32::min)
         };
-        let finger = |parameters: &smplx::Parameters| numbers(parameters)[3 * 25 + 2];
+        let finger = |parameters: &smplx::Parameters| numbers(parameters)[3 * joint::LEFT_HAND.start + 2];
         type Value = fn(&smplx::Parameters) -> f32;
         let parts: [(Value, f32); 6] = [
-            (|pose| pose.body_pose[joint::KNEES[0]].0.x, 0.5),
-            (|pose| pose.body_pose[joint::SHOULDERS[1]].0.z, 0.8),
-            (|pose| pose.body_pose[joint::HEAD].0.y, 0.4),
+            (|pose| pose.body_pose[joint::LEFT_KNEE - 1].0.x, 0.5),
+            (|pose| pose.body_pose[joint::RIGHT_SHOULDER - 1].0.z, 0.8),
+            (|pose| pose.body_pose[joint::HEAD - 1].0.y, 0.4),
             (|pose| pose.jaw_pose.0.x, 0.1),
             (|pose| pose.expression[0], 0.8),
             (|pose| pose.transl.x, 0.05),

@@ -22,6 +22,9 @@ use crate::config::LossSettings;
 use crate::fields::{FieldRates, Fields, Poser};
 use crate::{Error, Result};
 
+/// Of hash grids, whose entries are updated only when a sample touches them.
+const GRID_ADAM: AdamSettings = AdamSettings { first_decay: 0.9, second_decay: 0.99, epsilon: 1e-15 };
+
 /// All that a training has to remember between its steps.
 #[derive(Clone, Debug)]
 pub struct TrainingState {
@@ -199,10 +202,10 @@ impl<'a> Trainer<'a> {
         let settings = &self.spec.config.optimiser;
         let group = |settings: AdamSettings, rate: f64| ParameterGroup { settings, rate: decay * rate };
         FieldRates {
-            networks: group(settings.adam, settings.learning_rate),
-            geometry_grid: group(settings.grid_adam, settings.grid_learning_rate),
-            texture_grid: group(settings.grid_adam, settings.colour_grid_learning_rate),
-            logits: group(settings.adam, settings.voxel_learning_rate),
+            networks: group(AdamSettings::default(), settings.learning_rate),
+            geometry_grid: group(GRID_ADAM, settings.grid_learning_rate),
+            texture_grid: group(GRID_ADAM, settings.colour_grid_learning_rate),
+            logits: group(AdamSettings::default(), settings.voxel_learning_rate),
         }
     }
 

@@ -1,6 +1,6 @@
 //! `xavatar view`: a small server for one's own browser, which sends poses and gets the avatar's own mesh.
 //!
-//! `GET /` is the page, `POST /mesh` takes SMPL-X parameters as JSON and answers with the surface that
+//! `GET /` is the page, `POST /mesh` takes a pose, rotations by the names of joints, as JSON and answers with the surface that
 //! [`Animator::extract`](crate::avatar::Animator::extract) finds for them (docs/report.md). Whatever a client sends, it gets an
 //! answer, most often a 4xx, within seconds. Clients wait for each other only for poses, of which one is computed at a time: for each
 //! client that is still there its latest.

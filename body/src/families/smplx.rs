@@ -3,6 +3,9 @@
 //! theta = global 3 + body 63 (21 joints) + jaw 3 + left eye 3 + right eye 3 + hands 45 + 45. The canonical pose is the T-pose
 //! but for hips turned +-pi/6 about z, jaw 0.2 about x and flat hands (thesis A.3.3); parts are those of A.3.2.
 
+pub mod joint;
+
+use std::ops::Range;
 use std::sync::LazyLock;
 
 use glam::Vec3;
@@ -18,15 +21,8 @@ use crate::{
 };
 use xavatar_formats::{Error, Result};
 
-/// Joints: 22 of the body, jaw, two eyes, 15 of each hand.
-const JOINTS: usize = 55;
 /// Joints of `body_pose`: those of the body but the root.
-const BODY_JOINTS: usize = 21;
-const JAW: usize = 22;
-const LEFT_EYE: usize = 23;
-const RIGHT_EYE: usize = 24;
-const LEFT_HAND: usize = 25;
-const RIGHT_HAND: usize = LEFT_HAND + HAND_JOINTS;
+pub const BODY_JOINTS: usize = joint::RIGHT_WRIST;
 
 /// Coefficients of the shape that are used.
 pub const SHAPES: usize = 10;
@@ -38,7 +34,7 @@ pub(super) const FAMILY: Family = Family {
     name: "SMPL-X",
     format: "SMPL-X model",
     stem: "SMPLX",
-    recognises: |file| file.joints() == Some(JOINTS),
+    recognises: |file| file.joints() == Some(joint::COUNT),
     read,
 };
 
@@ -49,33 +45,39 @@ pub fn skeleton() -> &'static Skeleton {
 }
 
 fn build() -> Skeleton {
-    let mut canonical = canonical_body(JOINTS);
+    use joint::{HEAD, JAW, LEFT_EYE, LEFT_HAND, LEFT_WRIST, NECK, RIGHT_EYE, RIGHT_HAND, RIGHT_WRIST};
+    let mut canonical = canonical_body(joint::COUNT);
     canonical[JAW] = PoseAxisAngle(Vec3::X * 0.2);
     // A wrist belongs to its hand, neck, jaw and eyes to the face.
-    let hand = |wrist: usize, first: usize| std::iter::once(wrist).chain(first..first + HAND_JOINTS).collect();
+    let hand = |wrist: usize, hand: Range<usize>| std::iter::once(wrist).chain(hand).collect();
     let (face, left, right): (_, Vec<usize>, Vec<usize>) =
-        (vec![12, 15, JAW, LEFT_EYE, RIGHT_EYE], hand(20, LEFT_HAND), hand(21, RIGHT_HAND));
-    let body = (0..JOINTS).filter(|joint| ![&face, &left, &right].iter().any(|part| part.contains(joint))).collect();
-    let parents =
-        BODY_PARENTS.into_iter().chain([15; 3]).chain(hand_parents(20, LEFT_HAND)).chain(hand_parents(21, RIGHT_HAND));
+        (vec![NECK, HEAD, JAW, LEFT_EYE, RIGHT_EYE], hand(LEFT_WRIST, LEFT_HAND), hand(RIGHT_WRIST, RIGHT_HAND));
+    let is_elsewhere = |joint: &usize| [&face, &left, &right].iter().any(|part| part.contains(joint));
+    let body = (0..joint::COUNT).filter(|joint| !is_elsewhere(joint)).collect();
+    let left_parents = hand_parents(LEFT_WRIST, LEFT_HAND.start);
+    let right_parents = hand_parents(RIGHT_WRIST, RIGHT_HAND.start);
+    let parents = BODY_PARENTS.into_iter().chain([HEAD; 3]).chain(left_parents).chain(right_parents);
     let eyes_mouth = Detail { name: "eyes_mouth".into(), joints: vec![LEFT_EYE, RIGHT_EYE] };
+    let mut starts: Vec<usize> = BODY_STARTS.into_iter().chain([HEAD]).chain(LEFT_HAND).chain(RIGHT_HAND).collect();
+    starts.extend([LEFT_WRIST, RIGHT_WRIST]);
+    starts.sort_unstable();
     Skeleton {
         family: "SMPL-X".into(),
         joints: BODY_NAMES
             .into_iter()
             .chain(["jaw", "left_eye", "right_eye"])
             .map(str::to_owned)
-            .chain(hand_names(Some("left")))
-            .chain(hand_names(Some("right")))
+            .chain(hand_names("left"))
+            .chain(hand_names("right"))
             .collect(),
         parents: std::iter::once(None).chain(parents.map(Some)).collect(),
         parts: vec![
             part("body", Role::Body, body, BODY_STARTS.into()),
-            PartGroup { detail: Some(eyes_mouth), ..part("face", Role::Face, face, vec![12, 15, JAW]) },
+            PartGroup { detail: Some(eyes_mouth), ..part("face", Role::Face, face, vec![NECK, HEAD, JAW]) },
             part("left_hand", Role::Hands, left.clone(), left),
             part("right_hand", Role::Hands, right.clone(), right),
         ],
-        starts: [0, 1, 2, 4, 5, 15, 16, 17, 18, 19].into_iter().chain(20..JOINTS).collect(),
+        starts,
         canonical,
         conditioning: (1..=BODY_JOINTS).collect(),
     }
@@ -145,8 +147,25 @@ impl Parameters {
         })
     }
 
-    /// The pose, with the `hands` (left, right) of the model that it is of.
-    pub(crate) fn resolve(&self, hands: &[HandSpace]) -> Result<Pose> {
+    /// The same with hands that no model is needed for: offsets from a mean as they are, coefficients of components as flat hands.
+    #[must_use]
+    pub fn with_flat_hands(&self) -> Self {
+        let flat = |hand: &HandPose| match hand {
+            HandPose::Flat(fingers) | HandPose::RelativeToMean(fingers) => HandPose::Flat(*fingers),
+            HandPose::Pca(_) => HandPose::default(),
+        };
+        Self {
+            left_hand_pose: flat(&self.left_hand_pose),
+            right_hand_pose: flat(&self.right_hand_pose),
+            ..self.clone()
+        }
+    }
+
+    /// The pose of SMPL-X's skeleton, with the `hands` (left, right) of the model that it is of.
+    ///
+    /// # Errors
+    /// [`Error::Value`] for another number of hands, or more coefficients than they have components.
+    pub fn resolve(&self, hands: &[HandSpace]) -> Result<Pose> {
         let [left, right] = hands else {
             let (found, expected) = (format!("of a model with {} hands", hands.len()), "of one with two".into());
             return Err(Error::Value { name: "SMPL-X parameters".into(), found, expected });
@@ -168,11 +187,15 @@ impl Parameters {
         }
     }
 
+    /// The rotations of the joints before the hands, in the skeleton's order: root, body, jaw and eyes.
+    pub fn before_hands(&self) -> impl Iterator<Item = PoseAxisAngle> {
+        let face = [self.jaw_pose, self.left_eye_pose, self.right_eye_pose];
+        std::iter::once(self.global_orient).chain(self.body_pose).chain(face)
+    }
+
     fn with_hands(&self, left: &Fingers, right: &Fingers) -> Pose {
-        let mut rotations = Vec::with_capacity(JOINTS);
-        rotations.push(self.global_orient);
-        rotations.extend(self.body_pose);
-        rotations.extend([self.jaw_pose, self.left_eye_pose, self.right_eye_pose]);
+        let mut rotations = Vec::with_capacity(joint::COUNT);
+        rotations.extend(self.before_hands());
         rotations.extend(left.iter().chain(right));
         let (shape, expression) = (self.betas.clone(), self.expression.clone());
         Pose { rotations, shape, expression, translation: self.transl }
@@ -188,11 +211,11 @@ impl From<&Pose> for Parameters {
             expression: pose.expression.clone(),
             global_orient: rotation(0),
             body_pose: std::array::from_fn(|joint| rotation(1 + joint)),
-            jaw_pose: rotation(JAW),
-            left_eye_pose: rotation(LEFT_EYE),
-            right_eye_pose: rotation(RIGHT_EYE),
-            left_hand_pose: HandPose::Flat(std::array::from_fn(|joint| rotation(LEFT_HAND + joint))),
-            right_hand_pose: HandPose::Flat(std::array::from_fn(|joint| rotation(RIGHT_HAND + joint))),
+            jaw_pose: rotation(joint::JAW),
+            left_eye_pose: rotation(joint::LEFT_EYE),
+            right_eye_pose: rotation(joint::RIGHT_EYE),
+            left_hand_pose: HandPose::Flat(std::array::from_fn(|place| rotation(joint::LEFT_HAND.start + place))),
+            right_hand_pose: HandPose::Flat(std::array::from_fn(|place| rotation(joint::RIGHT_HAND.start + place))),
             transl: pose.translation,
         }
     }

@@ -7,7 +7,7 @@ use crate::BodyModel;
 use xavatar_formats::{Array, ArrayData, ArrayMap};
 
 const VERTICES: usize = 4;
-const POSE_FEATURES: usize = (JOINTS - 1) * 9;
+const POSE_FEATURES: usize = (joint::COUNT - 1) * 9;
 
 /// A model of `vertices`, all bound to the root.
 fn arrays_of(vertices: usize) -> ArrayMap {
@@ -20,9 +20,12 @@ fn arrays_of(vertices: usize) -> ArrayMap {
     [
         ("v_template", (vec![vertices, 3], (0..3 * vertices).map(|value| value as f64).collect())),
         ("f", (vec![2, 3], vec![0.0, 1.0, 2.0, 0.0, 2.0, (vertices - 1) as f64])),
-        ("weights", first_in_rows(vertices, JOINTS)),
-        ("J_regressor", first_in_rows(JOINTS, vertices)),
-        ("kintree_table", (vec![2, JOINTS], parents.chain((0..JOINTS).map(|joint| joint as f64)).collect())),
+        ("weights", first_in_rows(vertices, joint::COUNT)),
+        ("J_regressor", first_in_rows(joint::COUNT, vertices)),
+        (
+            "kintree_table",
+            (vec![2, joint::COUNT], parents.chain((0..joint::COUNT).map(|joint| joint as f64)).collect()),
+        ),
         ("shapedirs", zeros(&[vertices, 3, 20])),
         ("posedirs", zeros(&[vertices, 3, POSE_FEATURES])),
         ("hands_meanl", zeros(&[45])),
@@ -41,8 +44,8 @@ fn arrays() -> ArrayMap {
 
 /// A model with these skinning weights (V, J).
 pub(crate) fn model_of_weights(weights: Vec<f32>) -> BodyModel {
-    let mut arrays = arrays_of(weights.len() / JOINTS);
-    arrays.insert("weights".into(), Array::from_f32(&[weights.len() / JOINTS, JOINTS], weights));
+    let mut arrays = arrays_of(weights.len() / joint::COUNT);
+    arrays.insert("weights".into(), Array::from_f32(&[weights.len() / joint::COUNT, joint::COUNT], weights));
     read(&arrays).unwrap()
 }
 
@@ -84,12 +87,12 @@ fn numbers_that_cannot_be_are_refused() {
         message_with("v_template", &[VERTICES, 3], f64::NAN).contains("v_template is not a finite number at element 0")
     );
     assert!(message_with("posedirs", &[VERTICES, 3, POSE_FEATURES], 1e300).contains("posedirs is"));
-    assert!(message_with("weights", &[VERTICES, JOINTS], 0.5).contains("weights[0] is a row with sum 27.5"));
-    assert!(message_with("J_regressor", &[JOINTS, VERTICES], 0.0).contains("J_regressor[0]"));
+    assert!(message_with("weights", &[VERTICES, joint::COUNT], 0.5).contains("weights[0] is a row with sum 27.5"));
+    assert!(message_with("J_regressor", &[joint::COUNT, VERTICES], 0.0).contains("J_regressor[0]"));
     assert!(message_with("f", &[1, 3], 4.0).contains("4 in face 0, expected vertex indices below 4"));
     assert!(message_with("f", &[1, 3], -1.0).contains("-1 in face 0"));
     assert!(message_with("v_template", &[0, 3], 0.0).contains("at least one vertex"));
-    assert!(message_with("kintree_table", &[2, JOINTS], 0.0).contains("kintree_table[1][1] is 0, expected 1"));
+    assert!(message_with("kintree_table", &[2, joint::COUNT], 0.0).contains("kintree_table[1][1] is 0, expected 1"));
 }
 
 #[test]

@@ -53,7 +53,8 @@ impl Similarity {
         self.turn * point * self.scale + self.shift
     }
 
-    fn inverse_of(&self, point: Vec3) -> Vec3 {
+    /// The point of the scan that is brought to this one.
+    pub fn inverse_of(&self, point: Vec3) -> Vec3 {
         self.turn.transpose() * (point - self.shift) / self.scale
     }
 }

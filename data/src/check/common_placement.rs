@@ -126,15 +126,18 @@ pub(super) fn common_placement(looked: &[Looked]) -> Option<Common> {
     let middle = |value: fn(&Alignment) -> f32| {
         percentile(group.iter().map(|(_, found)| value(found)).collect(), 0.5).unwrap_or(0.0)
     };
-    Some(Common {
-        scale: first.scale,
-        turn: first.turn,
-        shift: common_shift(&group),
-        before: middle(|found| found.before),
-        after: middle(|found| found.after),
-        frames: group.iter().map(|(one, _)| one.frame.clone()).collect(),
-        is_of_all: true,
-    })
+    let (scale, turn) = (middle(|found| found.placement.scale), first.turn);
+    let (before, after) = (middle(|found| found.before), middle(|found| found.after));
+    for (one, found) in &mut group {
+        found.placement = about_pelvis(&found.placement, scale, turn, one.pelvis);
+    }
+    let frames = group.iter().map(|(one, _)| one.frame.clone()).collect();
+    Some(Common { scale, turn, shift: common_shift(&group), before, after, frames, is_of_all: true })
+}
+
+/// The placement with the common size and turn that brings the same point of a scan to the pelvis.
+fn about_pelvis(placement: &Similarity, scale: f32, turn: Mat3, pelvis: Vec3) -> Similarity {
+    Similarity { scale, turn, shift: pelvis - turn * placement.inverse_of(pelvis) * scale }
 }
 
 /// What the shifts of frames have in common.

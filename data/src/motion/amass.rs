@@ -15,8 +15,8 @@ use glam::Vec3;
 
 use super::frames::FrameReader;
 use super::{Motion, RestPose, UpAxis};
-use crate::fields::{Fields, rotations};
-use xavatar_body::{HandPose, PoseAxisAngle, smplx};
+use crate::fields::Fields;
+use xavatar_body::{Skeleton, smpl, smplh, smplx};
 use xavatar_formats::{ArrayMap, Result};
 
 const FORMAT: &str = "AMASS motion";
@@ -34,48 +34,37 @@ pub(super) fn recognised(arrays: &ArrayMap) -> std::result::Result<(), String> {
     (is_marked && !arrays.contains_key("expressions")).then_some(()).ok_or_else(|| "no `mocap_frame_rate`".into())
 }
 
-/// The model that poses of so many columns are of.
-#[derive(Clone, Copy, PartialEq)]
-enum Model {
-    SmplX,
-    SmplH,
-    Smpl,
-}
-
 pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     let fields = Fields { path, format: FORMAT, arrays };
     let poses = fields.array("poses")?;
-    let (model, width) = match poses.shape[..] {
-        [_, width @ 165] => (Model::SmplX, width),
-        [_, width @ 156] => (Model::SmplH, width),
-        [_, width @ 72] => (Model::Smpl, width),
-        _ => {
-            let expected = "numbers in 165 (SMPL-X), 156 (SMPL+H) or 72 (SMPL) columns";
-            return Err(fields.malformed("poses", poses.description(), expected));
-        }
+    let skeletons = [smplx::skeleton(), smplh::skeleton(), smpl::skeleton()];
+    let is_of = |skeleton: &&Skeleton| poses.shape.len() == 2 && poses.shape[1] == 3 * skeleton.joints.len();
+    let Some(skeleton) = skeletons.into_iter().find(is_of) else {
+        let known = skeletons.map(|skeleton| format!("{} ({})", 3 * skeleton.joints.len(), skeleton.family));
+        let expected = format!("numbers in {}, {} or {} columns", known[0], known[1], known[2]);
+        return Err(fields.malformed("poses", poses.description(), expected));
     };
-    let values = fields.rows("poses", width)?;
+    let width = 3 * skeleton.joints.len();
     let mut reader = FrameReader::new(fields, "poses", width)?;
-    let mut frames: Vec<smplx::Parameters> = values.chunks_exact(width).map(|row| pose(model, row)).collect();
+    let mut frames = reader.full_poses("poses", skeleton)?;
     for (frame, translation) in frames.iter_mut().zip(reader.rows::<3>("trans")?) {
         frame.transl = translation.into();
     }
     let mut notes = Vec::new();
     let mut neutral = vec!["expression"];
-    if model == Model::SmplX {
+    if skeleton == smplx::skeleton() {
         let betas = reader.betas("betas")?;
         frames.iter_mut().zip(betas).for_each(|(frame, betas)| frame.betas = betas);
     } else {
         neutral.extend(["betas", "jaw_pose", "left_eye_pose", "right_eye_pose"]);
         let shift = SMPL_PELVIS - RestPose::default().pelvis();
         frames.iter_mut().for_each(|frame| frame.transl += shift);
-        notes.push(match model {
-            Model::Smpl => "a motion of SMPL (72 values a frame): hands are flat, the face is neutral".into(),
-            _ => "a motion of SMPL+H (156 values a frame): the face is neutral".into(),
-        });
-    }
-    if model == Model::Smpl {
-        neutral.extend(["left_hand_pose", "right_hand_pose"]);
+        let has_fingers = skeleton != smpl::skeleton();
+        let hands = if has_fingers { "" } else { "hands are flat, " };
+        notes.push(format!("a motion of {} ({width} values a frame): {hands}the face is neutral", skeleton.family));
+        if !has_fingers {
+            neutral.extend(["left_hand_pose", "right_hand_pose"]);
+        }
     }
     let frames_per_second = reader.frames_per_second(&RATE)?;
     let mut zeroed = reader.zeroed();
@@ -91,22 +80,4 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
         notes,
         ..Motion::default()
     })
-}
-
-fn pose(model: Model, row: &[f32]) -> smplx::Parameters {
-    let part = |joint: usize| PoseAxisAngle(Vec3::from_slice(&row[3 * joint..]));
-    let hand = |first: usize| HandPose::Flat(rotations(&row[3 * first..3 * (first + 15)]));
-    let mut parameters =
-        smplx::Parameters { global_orient: part(0), body_pose: rotations(&row[3..66]), ..smplx::Parameters::default() };
-    match model {
-        Model::SmplX => {
-            parameters.jaw_pose = part(22);
-            parameters.left_eye_pose = part(23);
-            parameters.right_eye_pose = part(24);
-            (parameters.left_hand_pose, parameters.right_hand_pose) = (hand(25), hand(40));
-        }
-        Model::SmplH => (parameters.left_hand_pose, parameters.right_hand_pose) = (hand(22), hand(37)),
-        Model::Smpl => {}
-    }
-    parameters
 }

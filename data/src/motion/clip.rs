@@ -9,11 +9,12 @@ use super::conventions::{Coordinates, HandConvention, Translation, UpAxis};
 use super::rest::RestPose;
 use super::timing::{resampled, smoothed};
 use super::{Motion, Wanted, Warning, detect};
-use xavatar_body::{BodyModel, BodyParameters, HandPose, Pose, PoseAxisAngle, smplx};
+use xavatar_body::smplx::{self, joint};
+use xavatar_body::{BodyModel, BodyParameters, HandPose, Pose, PoseAxisAngle};
 use xavatar_formats::{Error, Result};
 
 /// Frames a second where neither the file nor the user says.
-const USUAL_RATE: f32 = 30.0;
+pub(super) const USUAL_RATE: f32 = 30.0;
 
 /// What the user declares about a motion, and what is to be made of it. `Default` detects everything and changes nothing.
 #[derive(Clone, Debug, Default)]
@@ -160,7 +161,7 @@ fn declare_hands(frame: &mut smplx::Parameters, convention: HandConvention) -> R
             rotations.try_into().ok().filter(|_| rest.is_empty()).ok_or_else(|| Error::Value {
                 name: "hands".into(),
                 found: format!("{} numbers a hand", numbers.len()),
-                expected: format!("45, declared to be {convention}"),
+                expected: format!("{}, declared to be {convention}", 3 * joint::HAND),
             })
         };
         *hand = match convention {

@@ -121,24 +121,11 @@ fn other_content(start: &[u8]) -> Vec<String> {
     .collect()
 }
 
-/// The names of an X-Humans frame's parameters, and how many numbers each has.
-const XHUMANS: [(&str, usize); 9] = [
-    ("global_orient", 3),
-    ("body_pose", 63),
-    ("left_hand_pose", 45),
-    ("right_hand_pose", 45),
-    ("jaw_pose", 3),
-    ("leye_pose", 3),
-    ("reye_pose", 3),
-    ("expression", 10),
-    ("transl", 3),
-];
-
 fn is_xhumans_frame(container: Container, arrays: &ArrayMap) -> std::result::Result<(), String> {
     if container != Container::Pickle {
         return Err("it is no pickle".into());
     }
-    for (name, numbers) in XHUMANS {
+    for (name, numbers) in smplx::Parameters::NAMED {
         match arrays.get(name) {
             None => return Err(format!("no `{name}`")),
             Some(array) if array.to_f32().is_none_or(|values| values.len() != numbers) => {

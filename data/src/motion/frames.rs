@@ -3,7 +3,8 @@
 use glam::Vec3;
 
 use crate::fields::{Fields, rotations};
-use xavatar_body::{Fingers, HandPose, Pose, PoseAxisAngle, smplx};
+use xavatar_body::smplx::{self, joint};
+use xavatar_body::{Fingers, HandPose, Pose, PoseAxisAngle, Skeleton};
 use xavatar_formats::{Array, ArrayData, Error, Result};
 
 /// Takes columns from a file, all of T rows.
@@ -54,9 +55,9 @@ impl<'a> FrameReader<'a> {
         Ok(if rows == 1 { vec![betas[0].clone(); self.frames] } else { betas })
     }
 
-    /// Hand poses of 45 rotation components, in the convention that `pose` gives them.
+    /// Hand poses of three rotation components a joint, in the convention that `pose` gives them.
     pub(super) fn hands(&mut self, key: &str, pose: fn(Fingers) -> HandPose) -> Result<Vec<HandPose>> {
-        Ok(self.rows::<45>(key)?.iter().map(|components| pose(rotations(components))).collect())
+        Ok(self.rows::<{ 3 * joint::HAND }>(key)?.iter().map(|components| pose(rotations(components))).collect())
     }
 
     /// Hand poses as PCA coefficients, as many as the array has columns.
@@ -66,21 +67,26 @@ impl<'a> FrameReader<'a> {
                 self.zeroed.push(key.to_owned());
                 return Ok(vec![HandPose::Pca(Vec::new()); self.frames]);
             }
-            Some(&[_, width @ 1..=45]) => width,
+            Some(&[_, width]) if (1..=3 * joint::HAND).contains(&width) => width,
             Some(_) => {
-                return Err(self.fields.malformed(key, self.fields.array(key)?.description(), "1 to 45 columns"));
+                let expected = format_args!("1 to {} columns", 3 * joint::HAND);
+                return Err(self.fields.malformed(key, self.fields.array(key)?.description(), expected));
             }
         };
         let values = self.columns(key, width)?.unwrap_or_default();
         Ok(values.chunks_exact(width).map(|row| HandPose::Pca(row.to_vec())).collect())
     }
 
-    /// The frames of one array that holds all joints, three columns each in their order; hands relative to the flat hand.
-    pub(super) fn full_poses(&mut self, key: &str) -> Result<Vec<smplx::Parameters>> {
-        let width = 3 * smplx::skeleton().joints.len();
+    /// The frames of one array that holds all joints of a skeleton, three columns each in their order; hands relative to the flat
+    /// hand. Joints that it does not have are at rest.
+    pub(super) fn full_poses(&mut self, key: &str, skeleton: &Skeleton) -> Result<Vec<smplx::Parameters>> {
+        let width = 3 * skeleton.joints.len();
         let values = self.columns(key, width)?.unwrap_or_else(|| vec![0.0; width * self.frames]);
         let turns = |row: &[f32]| row.as_chunks::<3>().0.iter().map(|turn| rotation(*turn)).collect();
-        let pose = |row: &[f32]| smplx::Parameters::from(&Pose { rotations: turns(row), ..Pose::default() });
+        let pose = |row: &[f32]| {
+            let pose = Pose { rotations: turns(row), ..Pose::default() };
+            smplx::Parameters::from(&skeleton.transfer(&pose, smplx::skeleton()).pose)
+        };
         Ok(values.chunks_exact(width).map(pose).collect())
     }
 

@@ -25,12 +25,16 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
     let key = |name: &str| format!("{PARAMETERS}{name}");
     let fields = Fields { path, format: FORMAT, arrays };
     let mut reader = if arrays.contains_key(&key("body_pose")) {
-        FrameReader::new(fields, &key("body_pose"), 63)?
+        FrameReader::new(fields, &key("body_pose"), 3 * smplx::BODY_JOINTS)?
     } else {
-        FrameReader::new(fields, &key("fullpose"), 165)?
+        FrameReader::new(fields, &key("fullpose"), 3 * smplx::joint::COUNT)?
     };
     let has_full_poses = reader.has(&key("fullpose"));
-    let mut frames = if has_full_poses { reader.full_poses(&key("fullpose"))? } else { separate_poses(&mut reader)? };
+    let mut frames = if has_full_poses {
+        reader.full_poses(&key("fullpose"), smplx::skeleton())?
+    } else {
+        separate_poses(&mut reader)?
+    };
     if !has_full_poses || (reader.has(&key("left_hand_pose")) && reader.has(&key("right_hand_pose"))) {
         let left = reader.pca_hands(&key("left_hand_pose"))?;
         let right = reader.pca_hands(&key("right_hand_pose"))?;
@@ -54,7 +58,7 @@ pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
 
 fn separate_poses(reader: &mut FrameReader) -> Result<Vec<smplx::Parameters>> {
     let key = |name: &str| format!("{PARAMETERS}{name}");
-    let body = reader.rows::<63>(&key("body_pose"))?;
+    let body = reader.rows::<{ 3 * smplx::BODY_JOINTS }>(&key("body_pose"))?;
     let global = reader.rows(&key("global_orient"))?;
     let jaw = reader.rows(&key("jaw_pose"))?;
     let (left_eye, right_eye) = (reader.rows(&key("leye_pose"))?, reader.rows(&key("reye_pose"))?);

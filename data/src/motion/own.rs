@@ -9,6 +9,7 @@ use xavatar_body::{Fingers, HandPose, PoseAxisAngle, smplx};
 use xavatar_formats::{Array, ArrayMap, Container, Error, Result, write_npz};
 
 const FORMAT: &str = "motion npz";
+const BODY_COLUMNS: usize = 3 * smplx::BODY_JOINTS;
 const AXES: &str = "Y, Z, Y-down, Z-down, X or X-down";
 const CONVENTIONS: &str = "flat, relative_to_mean or pca";
 
@@ -41,8 +42,8 @@ pub(super) fn recognised(container: Container, arrays: &ArrayMap) -> std::result
     if let Some(other) = arrays.keys().find(|key| !ARRAYS.contains(&key.as_str())) {
         return Err(format!("`{other}` is none of its arrays"));
     }
-    if !matches!(body.shape[..], [_, 63]) {
-        return Err(format!("`body_pose` is {}, not (T, 63)", body.description()));
+    if !matches!(body.shape[..], [_, BODY_COLUMNS]) {
+        return Err(format!("`body_pose` is {}, not (T, {BODY_COLUMNS})", body.description()));
     }
     is_y_up(arrays)
 }
@@ -69,8 +70,8 @@ fn is_marked(arrays: &ArrayMap) -> bool {
 }
 
 pub(super) fn read(path: &Path, arrays: &ArrayMap) -> Result<Motion> {
-    let mut reader = FrameReader::new(Fields { path, format: FORMAT, arrays }, "body_pose", 63)?;
-    let body = reader.rows::<63>("body_pose")?;
+    let mut reader = FrameReader::new(Fields { path, format: FORMAT, arrays }, "body_pose", BODY_COLUMNS)?;
+    let body = reader.rows::<BODY_COLUMNS>("body_pose")?;
     let betas = reader.betas("betas")?;
     let expression = reader.rows::<{ smplx::EXPRESSIONS }>("expression")?;
     let (global, transl) = (reader.rows("global_orient")?, reader.rows::<3>("transl")?);
@@ -124,7 +125,12 @@ pub fn write_motion(path: impl AsRef<Path>, motion: &Motion) -> Result<()> {
         return Err(Error::Value { name: "motion".into(), found: "no frames".into(), expected: "at least one".into() });
     };
     let rows = |values: Vec<f32>| Array::from_f32(&[frames.len(), values.len() / frames.len()], values);
-    let column = |value: fn(&smplx::Parameters) -> &[f32]| rows(frames.iter().flat_map(value).copied().collect());
+    let column = |value: fn(&smplx::Parameters) -> &[f32]| {
+        // Coefficients that a frame leaves out are zero.
+        let width = frames.iter().map(|frame| value(frame).len()).max().unwrap_or_default();
+        let zeros = std::iter::repeat(0.0);
+        rows(frames.iter().flat_map(|frame| value(frame).iter().copied().chain(zeros.clone()).take(width)).collect())
+    };
     let rotations = |value: fn(&smplx::Parameters) -> &[PoseAxisAngle]| {
         rows(frames.iter().flat_map(|frame| components(value(frame))).collect())
     };

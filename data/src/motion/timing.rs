@@ -6,15 +6,14 @@
 use glam::{DQuat, Vec3};
 
 use super::conventions::HandConvention;
-use xavatar_body::{HandPose, PoseAxisAngle, smplx};
+use xavatar_body::smplx::{self, joint};
+use xavatar_body::{HandPose, Pose, PoseAxisAngle};
 use xavatar_formats::{Error, Result};
 
 /// Frames that a resampled motion may have: an hour at 120 a second.
 const MOST_FRAMES: f64 = 432_000.0;
 /// Standard deviations after which a Gaussian weight is left out.
 const REACH: f64 = 3.0;
-/// Root, body, jaw, eyes.
-const ROTATIONS: usize = 25;
 
 /// The frames at `to` frames a second instead of `from`: as many as fit between the first and the last.
 pub(super) fn resampled(frames: &[smplx::Parameters], from: f32, to: f32) -> Result<Vec<smplx::Parameters>> {
@@ -75,17 +74,15 @@ fn between(first: &smplx::Parameters, second: &smplx::Parameters, share: f64) ->
 
 /// A pose as what is interpolated along arcs, and what is interpolated as numbers.
 struct Channels {
-    /// Root, 21 of the body, jaw, two eyes; then 15 of each flat hand.
+    /// Those before the hands; then those of each flat hand.
     rotations: Vec<DQuat>,
-    /// Expression 10, translation 3; then the numbers of each other hand.
+    /// Expression, translation 3; then the numbers of each other hand.
     numbers: Vec<f64>,
 }
 
 impl Channels {
     fn of(parameters: &smplx::Parameters) -> Self {
-        let single = [parameters.jaw_pose, parameters.left_eye_pose, parameters.right_eye_pose];
-        let mut rotations: Vec<DQuat> =
-            [parameters.global_orient].into_iter().chain(parameters.body_pose).chain(single).map(quaternion).collect();
+        let mut rotations: Vec<DQuat> = parameters.before_hands().map(quaternion).collect();
         let numbers = parameters.expression.iter().copied().chain(parameters.transl.to_array());
         let mut numbers: Vec<f64> = numbers.map(f64::from).collect();
         for hand in [&parameters.left_hand_pose, &parameters.right_hand_pose] {
@@ -120,7 +117,7 @@ impl Channels {
     /// The parameters, with the shape and the hand conventions of `like`.
     fn into_parameters(self, like: &smplx::Parameters) -> smplx::Parameters {
         let mut rotations = self.rotations.into_iter().map(axis_angle);
-        let single: [PoseAxisAngle; ROTATIONS] = std::array::from_fn(|_| rotations.next().unwrap_or_default());
+        let before_hands = rotations.by_ref().take(joint::LEFT_HAND.start).collect();
         let mut numbers = self.numbers.into_iter().map(|number| number as f32);
         let mut number = || numbers.next().unwrap_or_default();
         let expression = like.expression.iter().map(|_| number()).collect();
@@ -136,18 +133,8 @@ impl Channels {
             }
         };
         let (left_hand_pose, right_hand_pose) = (hand(&like.left_hand_pose), hand(&like.right_hand_pose));
-        smplx::Parameters {
-            betas: like.betas.clone(),
-            expression,
-            global_orient: single[0],
-            body_pose: std::array::from_fn(|joint| single[1 + joint]),
-            jaw_pose: single[22],
-            left_eye_pose: single[23],
-            right_eye_pose: single[24],
-            left_hand_pose,
-            right_hand_pose,
-            transl,
-        }
+        let pose = Pose { rotations: before_hands, shape: like.betas.clone(), expression, translation: transl };
+        smplx::Parameters { left_hand_pose, right_hand_pose, ..smplx::Parameters::from(&pose) }
     }
 }
 

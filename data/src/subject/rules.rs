@@ -4,6 +4,7 @@ use glam::Vec3;
 use serde::Deserialize;
 
 use crate::placement::{Origin, ScanPlacement};
+use xavatar_body::smplx::joint;
 use xavatar_body::{BodyModel, BodyParameters, Gender, HandPose, PoseAxisAngle};
 use xavatar_formats::{Error, Result};
 
@@ -38,13 +39,16 @@ pub(crate) struct Rules {
     pub(super) settled: Option<Settled>,
 }
 
+/// Three numbers a joint of a hand.
+type HandComponent = [f32; 3 * joint::HAND];
+
 /// What of a body model, in a subject's shape, the meaning of files depends on.
 #[derive(Clone, Debug)]
 pub(crate) struct Settled {
     /// At rest, metres.
     pelvis: Vec3,
     /// Principal components of the left and the right hand, one a row.
-    hand_components: [Vec<[f32; 45]>; 2],
+    hand_components: [Vec<HandComponent>; 2],
 }
 
 impl Settled {
@@ -93,7 +97,7 @@ impl Rules {
     }
 }
 
-fn flat_hand(coefficients: &[f32], components: &[[f32; 45]]) -> Result<HandPose> {
+fn flat_hand(coefficients: &[f32], components: &[HandComponent]) -> Result<HandPose> {
     if coefficients.len() > components.len() {
         return Err(Error::Value {
             name: "hand pose".into(),
@@ -116,7 +120,7 @@ mod tests {
 
     #[test]
     fn flat_hands_are_sums_of_components_without_the_mean() {
-        let mut components = vec![[0.0; 45]; 2];
+        let mut components = vec![[0.0; 3 * joint::HAND]; 2];
         components[0][3] = 1.0;
         components[1][44] = 0.5;
         let HandPose::Flat(joints) = flat_hand(&[2.0, -4.0], &components).unwrap() else { panic!("absolute") };

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use xavatar_deformer::BoneTransform;
 use xavatar_network::Representation;
 
+use super::uniform::{UNIFORM_POINTS, uniform_points};
 use super::{Curve, DistanceGrid};
 use crate::Result;
 use crate::body::{BodyModel, PartLabels, Role, Skeleton};
@@ -24,6 +25,8 @@ use crate::train::losses::{Anchors, CanonicalBatch, WeightTargets};
 
 /// Expressions whose canonical bodies are kept ready.
 const EXPRESSIONS: usize = 8;
+/// Points on each bone that are inside (thesis A.3.3).
+const POINTS_A_BONE: usize = 5;
 /// Spread of the random joint angles, as the condition holds them (angle / pi).
 const POSE_SPREAD: f32 = 0.1;
 /// Vertices of the whole body whose weights are supervised at each step of stage 0, beside as many of hands and face.
@@ -91,14 +94,13 @@ impl<'a> CanonicalBody<'a> {
         }
         let (low, high) = canonical_box(&expressions[0].mesh.vertices);
         let distances = DistanceGrid::new(&expressions[0].solid, low, high);
-        let points_a_bone = config.losses.bone_points;
         Ok(Self {
             weights: body.skinning_weights(),
             vertices: expressions[0].mesh.vertices.iter().map(Vec3::to_array).collect(),
             bone_points: skeleton
                 .bones(&joints)
                 .iter()
-                .flat_map(|bone| bone.points(points_a_bone))
+                .flat_map(|bone| bone.points(POINTS_A_BONE))
                 .map(|p| p.to_array())
                 .collect(),
             fine: (0..labels.parts.len()).filter(|vertex| skeleton.role(labels.parts[*vertex]) != Role::Body).collect(),
@@ -245,7 +247,7 @@ impl<'a> CanonicalBody<'a> {
         batch.condition.extend(&body.expression);
         batch.anchors = self.weights(PRETRAINING_WEIGHT_POINTS, random);
 
-        let mut off = Vec::with_capacity(settings.points + settings.uniform_points);
+        let mut off = Vec::with_capacity(settings.points + UNIFORM_POINTS);
         for index in 0..settings.points {
             let place = body.sampler.sample(random);
             let position = body.mesh.position_at(&place);
@@ -259,11 +261,7 @@ impl<'a> CanonicalBody<'a> {
             let deviation = if wide { settings.wide_deviation } else { settings.deviation };
             off.push(position + deviation * normal_vector(random));
         }
-        let extent = settings.extent;
-        off.extend(
-            (0..settings.uniform_points)
-                .map(|_| Vec3::from_array(std::array::from_fn(|_| random.random_range(-extent..extent)))),
-        );
+        off.extend(uniform_points(random));
         let target = |point: &Vec3| match config.fields.representation {
             Representation::Occupancy => f32::from(body.solid.is_inside(*point)),
             Representation::SignedDistance => body.solid.signed_distance(*point).0,

@@ -9,6 +9,7 @@ mod distance_grid;
 mod part_shares;
 mod rgbd;
 mod scan;
+mod uniform;
 
 use std::sync::Arc;
 
@@ -21,6 +22,7 @@ pub use distance_grid::DistanceGrid;
 
 use rgbd::CameraView;
 use scan::ScanSupervision;
+use uniform::uniform_points;
 
 use super::drawn::PosedSamples;
 use crate::body::{BodyModel, Part, PartLabels, Registration, Skeleton};

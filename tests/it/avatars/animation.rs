@@ -1,42 +1,13 @@
 //! An avatar through poses: what is kept from frame to frame changes nothing.
 
-use std::sync::OnceLock;
-
 use glam::{DMat4, DVec3, Vec3};
-use xavatar::avatar::{Animator, Avatar, FixedTopology, Subject};
-use xavatar::body::{Gender, Pose, PoseAxisAngle, smplx};
-use xavatar::config::{Config, SkinningSettings};
-use xavatar::fields::{Fields, Skinning};
-use xavatar::synthetic::BuiltInSubject;
+use xavatar::avatar::{Animator, Avatar, FixedTopology};
+use xavatar::body::{Pose, PoseAxisAngle, smplx};
 use xavatar_network::SkinningTrace;
 
+use super::untrained::{subject, untrained};
+
 const RESOLUTION: usize = 32;
-
-fn subject() -> &'static BuiltInSubject {
-    static SUBJECT: OnceLock<BuiltInSubject> = OnceLock::new();
-    SUBJECT.get_or_init(|| BuiltInSubject::new().unwrap())
-}
-
-/// Fields that nothing was trained of: a ball, with the skinning weights that chance gave it.
-fn untrained() -> Avatar {
-    let small = [
-        ("fields.geometry.width", "48"),
-        ("fields.geometry.frequencies", "2"),
-        ("fields.texture.width", "32"),
-        ("fields.texture.frequencies", "1"),
-        ("fields.skinning.width", "32"),
-    ];
-    let settings: Vec<_> = small.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
-    let config = Config::preset_with("paper-scan", &settings).unwrap();
-    // Larger than the ball, so that its surface is not cut off.
-    let bounds = (Vec3::splat(-1.3), Vec3::splat(1.3));
-    let SkinningSettings::Network(shape) = &config.fields.skinning else { unreachable!("a paper preset") };
-    let subject = Subject::of(subject().model(), Gender::Neutral, subject().betas(), bounds, 0).unwrap();
-    let skinning = Skinning::network(shape, &subject.skeleton).unwrap();
-    let mut fields = Fields::new(&config.fields, &subject.condition(), skinning, bounds).unwrap();
-    fields.initialise(5);
-    Avatar { fields, config, subject, steps: 0 }
-}
 
 fn bent(angle: f32) -> Pose {
     let mut pose = Pose { translation: Vec3::new(0.3, 1.1, -2.0), ..smplx::skeleton().rest_pose() };

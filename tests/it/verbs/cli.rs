@@ -149,7 +149,7 @@ fn meshes_of_fixed_topology_have_the_same_faces() {
 
 /// Starts training, sends a signal once so many steps are noted, and returns the exit code, if any, and what was printed.
 #[cfg(unix)]
-fn interrupt(arguments: &[&str], run: &Path, steps: usize, signal: &str) -> (Option<i32>, String) {
+pub(super) fn interrupt(arguments: &[&str], run: &Path, steps: usize, signal: &str) -> (Option<i32>, String) {
     let child = xavatar(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let deadline = Instant::now() + Duration::from_secs(60);
     while std::fs::read_to_string(run.join("metrics.jsonl")).unwrap_or_default().lines().count() < steps {

@@ -1,8 +1,11 @@
 //! Whole verbs, run as a user runs them.
 
+mod body;
 mod check;
 mod cli;
+mod register;
 mod render;
 mod rgbd;
+mod runs;
 mod tool;
 mod view;

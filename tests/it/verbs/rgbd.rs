@@ -76,7 +76,10 @@ fn the_data_choose_the_preset_and_a_turn_is_seen_part_by_part() {
     let table: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("fusion.json")).unwrap()).unwrap();
     let trained_on: Vec<_> = table["rows"].as_array().unwrap().iter().map(|row| row["trained_on"].as_u64()).collect();
     assert_eq!(trained_on, [Some(1), Some(3)], "one view, then all around");
-    assert!(out.join("fusion.png").is_file() && out.join("fusion.md").is_file());
+    assert!(
+        std::fs::read_to_string(out.join("fusion.svg")).unwrap().contains("class=\"first\"")
+            && out.join("fusion.md").is_file()
+    );
     let (code, printed) = outcome(&fuse);
     assert!(code == 0 && printed.contains("360 degrees: trained already"), "{printed}");
 }

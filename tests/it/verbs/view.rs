@@ -8,42 +8,19 @@ use std::time::Duration;
 use glam::Vec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use xavatar::avatar::{Animator, Avatar, Subject};
-use xavatar::body::{Gender, Pose, PoseAxisAngle, smplx};
-use xavatar::config::{Config, SkinningSettings};
+use xavatar::avatar::{Animator, Avatar};
+use xavatar::body::{Pose, PoseAxisAngle, smplx};
 use xavatar::export::{RiggedMesh, Rigging};
-use xavatar::fields::{Fields, Skinning};
-use xavatar::synthetic::{BuiltInSubject, dance};
+use xavatar::synthetic::dance;
 use xavatar::view::{Answer, Request, Response, Server, Site, Status, decode_mesh};
+
+use crate::avatars::untrained::{self, subject};
 
 const RESOLUTION: usize = 32;
 
-fn subject() -> &'static BuiltInSubject {
-    static SUBJECT: OnceLock<BuiltInSubject> = OnceLock::new();
-    SUBJECT.get_or_init(|| BuiltInSubject::new().unwrap())
-}
-
-/// Fields that nothing was trained of: a ball with some skinning weights.
 fn untrained() -> &'static Avatar {
     static AVATAR: OnceLock<Avatar> = OnceLock::new();
-    AVATAR.get_or_init(|| {
-        let small = [
-            ("fields.geometry.width", "48"),
-            ("fields.geometry.frequencies", "2"),
-            ("fields.texture.width", "32"),
-            ("fields.texture.frequencies", "1"),
-            ("fields.skinning.width", "32"),
-        ];
-        let settings: Vec<_> = small.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
-        let config = Config::preset_with("paper-scan", &settings).unwrap();
-        let bounds = (Vec3::splat(-1.3), Vec3::splat(1.3));
-        let SkinningSettings::Network(shape) = &config.fields.skinning else { unreachable!("a paper preset") };
-        let subject = Subject::of(subject().model(), Gender::Neutral, subject().betas(), bounds, 0).unwrap();
-        let skinning = Skinning::network(shape, &subject.skeleton).unwrap();
-        let mut fields = Fields::new(&config.fields, &subject.condition(), skinning, bounds).unwrap();
-        fields.initialise(5);
-        Avatar { fields, config, subject, steps: 0 }
-    })
+    AVATAR.get_or_init(untrained::untrained)
 }
 
 fn animator() -> &'static Animator<'static> {

@@ -6,7 +6,7 @@
 //! what they hang on. What the smallest turn leaves open, the turn of a limb about itself, may be given: [`Roll`].
 
 use glam::{DQuat, DVec3};
-use xavatar_body::smplx;
+use xavatar_body::smplx::{self, joint};
 
 use super::stance::Stance;
 
@@ -14,10 +14,6 @@ use super::stance::Stance;
 const OPPOSITE: f64 = -0.985;
 /// A neck this close to the trunk's direction is straight, degrees: no person's is.
 const STRAIGHT: f64 = 3.0;
-const CHEST: usize = 9;
-const NECK: usize = 12;
-const HEAD: usize = 15;
-const SHOULDER: usize = 16;
 /// A foot's toes are ahead if they are this far, as a share of its length, off the way down.
 const AHEAD: f64 = 0.5;
 
@@ -48,14 +44,15 @@ pub(super) enum Manner {
 impl Manner {
     /// Of each joint; thumbs point as the avatar's at rest, `own`.
     pub(super) fn of(joint: usize, own: &Stance) -> Self {
+        let is_thumb = joint::LEFT_THUMB.chain(joint::RIGHT_THUMB).any(|thumb| thumb == joint);
         match joint {
-            1 | 2 | 4 | 5 => Self::Limb(DVec3::NEG_Y),
-            7 | 8 => Self::Foot,
-            16 | 18 => Self::Limb(DVec3::X),
-            17 | 19 => Self::Limb(DVec3::NEG_X),
-            37 | 38 | 52 | 53 => own.direction(joint).map_or(Self::Follower, Self::Limb),
-            25..=36 => Self::Limb(DVec3::X),
-            40..=51 => Self::Limb(DVec3::NEG_X),
+            joint::LEFT_HIP | joint::RIGHT_HIP | joint::LEFT_KNEE | joint::RIGHT_KNEE => Self::Limb(DVec3::NEG_Y),
+            joint::LEFT_ANKLE | joint::RIGHT_ANKLE => Self::Foot,
+            joint::LEFT_SHOULDER | joint::LEFT_ELBOW => Self::Limb(DVec3::X),
+            joint::RIGHT_SHOULDER | joint::RIGHT_ELBOW => Self::Limb(DVec3::NEG_X),
+            _ if is_thumb => own.direction(joint).map_or(Self::Follower, Self::Limb),
+            _ if joint::LEFT_HAND.contains(&joint) => Self::Limb(DVec3::X),
+            _ if joint::RIGHT_HAND.contains(&joint) => Self::Limb(DVec3::NEG_X),
             _ => Self::Follower,
         }
     }
@@ -84,8 +81,10 @@ impl Axes {
                 }
                 (Manner::Foot, Some(direction)) => foot(above, up, direction, own.direction(joint)),
                 // Where arms lie along their bones, so may the neck.
-                _ if joint == NECK && is_rest && !references[SHOULDER].is_rest => neck(above, stance, own),
-                _ if joint == HEAD && is_rest => axes.of(CHEST, stance),
+                _ if joint == joint::NECK && is_rest && !references[joint::LEFT_SHOULDER].is_rest => {
+                    neck(above, stance, own)
+                }
+                _ if joint == joint::HEAD && is_rest => axes.of(joint::SPINE3, stance),
                 _ => above,
             };
             axes.in_bone[joint] = Some(turn.inverse() * aligned);
@@ -113,7 +112,7 @@ impl Axes {
 
 /// The axes of a neck in a rest pose whose bones lie along each other: tilted as the avatar's if it is straight.
 fn neck(trunk: DQuat, stance: &Stance, own: &Stance) -> DQuat {
-    let to_head = |stance: &Stance| stance.between(NECK, HEAD).and_then(DVec3::try_normalize);
+    let to_head = |stance: &Stance| stance.between(joint::NECK, joint::HEAD).and_then(DVec3::try_normalize);
     match (to_head(stance), to_head(own)) {
         (Some(direction), Some(own)) if direction.angle_between(trunk * DVec3::Y).to_degrees() < STRAIGHT => {
             smallest_turn(trunk * own, direction, trunk * DVec3::X) * trunk

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::stance::Stance;
+use super::stance::{ANKLES, HIPS, KNEES, Stance};
 
 /// Means above this, of cosines with forward, say which way.
 const CLEAR: f64 = 0.5;
@@ -23,13 +23,12 @@ pub(super) enum Handedness {
 impl Handedness {
     pub(super) fn of(frames: &[Stance]) -> Self {
         let toes = mean(frames, |stance, forward| {
-            let directions = [7, 8].into_iter().filter_map(|ankle| stance.direction(ankle));
+            let directions = ANKLES.into_iter().filter_map(|ankle| stance.direction(ankle));
             directions.map(|direction| direction.dot(forward)).collect()
         });
         let knees = mean(frames, |stance, forward| {
-            [(1, 4, 7), (2, 5, 8)]
-                .into_iter()
-                .filter_map(|leg| knee(stance, leg))
+            let legs = HIPS.into_iter().zip(KNEES).zip(ANKLES);
+            legs.filter_map(|((hip, middle), ankle)| knee(stance, (hip, middle, ankle)))
                 .map(|ahead| ahead.dot(forward))
                 .collect()
         });

@@ -5,9 +5,10 @@
 //! that, tells nothing.
 
 use glam::DVec3;
+use xavatar_body::smplx::joint;
 
 use super::alignment::Axes;
-use super::stance::Stance;
+use super::stance::{ANKLES, KNEES, Stance};
 
 /// A limb bends if it does by this much in some frame, a sine: 15 degrees.
 const BENDS: f64 = 0.26;
@@ -31,13 +32,21 @@ pub(super) struct Hinge {
 
 /// Knees and elbows.
 pub(super) const HINGES: [Hinge; 4] = [
-    Hinge { upper: 1, lower: 4, along: DVec3::NEG_Y, bends_to: DVec3::NEG_Z, believed: 40.0 },
-    Hinge { upper: 2, lower: 5, along: DVec3::NEG_Y, bends_to: DVec3::NEG_Z, believed: 40.0 },
-    Hinge { upper: 16, lower: 18, along: DVec3::X, bends_to: DVec3::Z, believed: 70.0 },
-    Hinge { upper: 17, lower: 19, along: DVec3::NEG_X, bends_to: DVec3::Z, believed: 70.0 },
+    Hinge::knee(joint::LEFT_HIP, joint::LEFT_KNEE),
+    Hinge::knee(joint::RIGHT_HIP, joint::RIGHT_KNEE),
+    Hinge::elbow(joint::LEFT_SHOULDER, joint::LEFT_ELBOW, DVec3::X),
+    Hinge::elbow(joint::RIGHT_SHOULDER, joint::RIGHT_ELBOW, DVec3::NEG_X),
 ];
 
 impl Hinge {
+    const fn knee(upper: usize, lower: usize) -> Self {
+        Self { upper, lower, along: DVec3::NEG_Y, bends_to: DVec3::NEG_Z, believed: 40.0 }
+    }
+
+    const fn elbow(upper: usize, lower: usize, along: DVec3) -> Self {
+        Self { upper, lower, along, bends_to: DVec3::Z, believed: 70.0 }
+    }
+
     /// By how much the upper bone's axes are to be turned about it, radians, for the lower one to bend the right way; `None` if
     /// the frames do not tell.
     pub(super) fn roll(&self, axes: &Axes, frames: &[Stance]) -> Option<f64> {
@@ -59,7 +68,7 @@ impl Hinge {
 /// Joints about which limbs are turned as no body's are, in axes that would be right if the rest pose were; degrees.
 pub(super) fn twists(axes: &Axes, frames: &[Stance]) -> Vec<(usize, f64)> {
     let hinges = HINGES.iter().filter_map(|hinge| Some((hinge.lower, hinge.roll(axes, frames)?, hinge.believed)));
-    let ankles = [(7, 4), (8, 5)].into_iter().filter_map(|(ankle, knee)| {
+    let ankles = ANKLES.into_iter().zip(KNEES).filter_map(|(ankle, knee)| {
         let toes = frames.iter().filter_map(|stance| {
             let toes = axes.of(knee, stance).inverse() * stance.direction(ankle)?;
             Some(DVec3::new(toes.x, 0.0, toes.z))

@@ -6,17 +6,18 @@
 //! which they lie most as in a T-pose, and turned about themselves as knees and elbows bend.
 
 use glam::{DQuat, DVec3};
-use xavatar_body::smplx;
+use xavatar_body::smplx::{self, joint};
 
 use super::alignment::{Axes, Reference, Roll};
 use super::hinges::HINGES;
-use super::stance::Stance;
+use super::stance::{ANKLES, COLLARS, ELBOWS, HIPS, KNEES, SHOULDERS, Stance};
 use super::upright::WorldUp;
 
 /// Degrees within which the parts of a body standing are of where the T-pose has them.
 const UPRIGHT_BACK: f64 = 50.0;
 const SQUARE_SHOULDERS: f64 = 40.0;
 const HANGING_LEG: f64 = 50.0;
+const FOLDED_LEG: f64 = 150.0;
 const RAISED_ARM: f64 = 50.0;
 const STRAIGHT_ELBOW: f64 = 70.0;
 const LEVEL_COLLAR: f64 = 60.0;
@@ -47,11 +48,13 @@ impl Part {
 
     pub(super) fn of(joint: usize) -> Self {
         match joint {
-            1 | 2 | 4 | 5 => Self::Legs,
-            7 | 10 => Self::LeftFoot,
-            8 | 11 => Self::RightFoot,
-            13 | 16 | 18 | 20 | 25..=39 => Self::LeftArm,
-            14 | 17 | 19 | 21 | 40..=54 => Self::RightArm,
+            joint::LEFT_HIP | joint::RIGHT_HIP | joint::LEFT_KNEE | joint::RIGHT_KNEE => Self::Legs,
+            joint::LEFT_ANKLE | joint::LEFT_FOOT => Self::LeftFoot,
+            joint::RIGHT_ANKLE | joint::RIGHT_FOOT => Self::RightFoot,
+            joint::LEFT_COLLAR | joint::LEFT_SHOULDER | joint::LEFT_ELBOW | joint::LEFT_WRIST => Self::LeftArm,
+            joint::RIGHT_COLLAR | joint::RIGHT_SHOULDER | joint::RIGHT_ELBOW | joint::RIGHT_WRIST => Self::RightArm,
+            _ if joint::LEFT_HAND.contains(&joint) => Self::LeftArm,
+            _ if joint::RIGHT_HAND.contains(&joint) => Self::RightArm,
             _ => Self::Trunk,
         }
     }
@@ -85,9 +88,10 @@ impl<'a> RestPose<'a> {
     /// Looks at the joints of a skeleton at rest; `None` if hips or shoulders are in one place.
     pub(super) fn new(stance: &'a Stance) -> Option<Self> {
         let (trunk, legs) = (stance.trunk()?, stance.legs().unwrap_or_default());
-        // Legs spread or not, their middle goes on from the trunk.
-        let up = if trunk.dot(legs) < -0.5 { stance.top()? - stance.middle([7, 8])? } else { trunk };
-        let axes = stance.axes(along_axis(up.try_normalize()?))?;
+        // Legs spread or not, their middle goes on from the trunk; of who sits the trunk alone is upright.
+        let whole = if trunk.dot(legs) < -0.5 { stance.top()? - stance.middle(ANKLES)? } else { trunk };
+        let whole = whole.try_normalize()?;
+        let axes = stance.axes(axis_along(whole).or_else(|| axis_along(trunk)).unwrap_or(whole))?;
         let mut rest = Self { stance, axes, wrong: Vec::new(), twisted: Vec::new() };
         rest.look();
         Some(rest)
@@ -104,11 +108,11 @@ impl<'a> RestPose<'a> {
     }
 
     pub(super) fn believes(&self, part: Part) -> bool {
-        // One arm, or a foot below a leg that is elsewhere, may be right by chance.
+        // One arm, an arm of a trunk or a foot of a leg that is elsewhere, may be right by chance.
         let with: &[Part] = match part {
             Part::Trunk | Part::Legs => &[],
             Part::LeftFoot | Part::RightFoot => &[Part::Legs],
-            Part::LeftArm | Part::RightArm => &[Part::LeftArm, Part::RightArm],
+            Part::LeftArm | Part::RightArm => &[Part::Trunk, Part::LeftArm, Part::RightArm],
         };
         let is_right = self.wrong.iter().all(|(wrong, ..)| *wrong != part && !with.contains(wrong));
         is_right && (self.twisted.is_empty() || part == Part::Trunk)
@@ -117,8 +121,8 @@ impl<'a> RestPose<'a> {
     /// Whether all that is wrong with a foot is its shin.
     fn only_leans(&self, part: Part) -> bool {
         let foot = match part {
-            Part::LeftFoot => 7,
-            Part::RightFoot => 8,
+            Part::LeftFoot => joint::LEFT_ANKLE,
+            Part::RightFoot => joint::RIGHT_ANKLE,
             _ => return false,
         };
         self.stands() && self.wrong.iter().all(|(wrong, joint, _)| *wrong != part || *joint != foot)
@@ -164,19 +168,24 @@ impl<'a> RestPose<'a> {
                 wrong.push((part, joint, off));
             }
         };
-        for joint in [3, 6, 9, 12, 15] {
+        for joint in [joint::SPINE1, joint::SPINE2, joint::SPINE3, joint::NECK, joint::HEAD] {
             let bone = stance.above(joint).and_then(|above| stance.between(above, joint));
             let bone =
                 own(bone.filter(|bone| bone.length() > 0.02 * stance.leg_lengths())).and_then(DVec3::try_normalize);
             check(Part::Trunk, joint, bone.map_or(0.0, |bone| degrees(bone, DVec3::Y)), UPRIGHT_BACK);
         }
         let across = own(stance.across_top());
-        check(Part::Trunk, 9, across.map_or(0.0, |across| degrees(across, DVec3::X)), SQUARE_SHOULDERS);
-        for joint in [1, 2, 4, 5] {
+        check(Part::Trunk, joint::SPINE3, across.map_or(0.0, |across| degrees(across, DVec3::X)), SQUARE_SHOULDERS);
+        let mut folded = 180.0f64;
+        for joint in [HIPS, KNEES].concat() {
             let leg = own(stance.direction(joint));
-            check(Part::Legs, joint, leg.map_or(180.0, |leg| degrees(leg, DVec3::NEG_Y)), HANGING_LEG);
+            let off = leg.map_or(180.0, |leg| degrees(leg, DVec3::NEG_Y));
+            check(Part::Legs, joint, off, HANGING_LEG);
+            folded = folded.min(off);
         }
-        for (part, ankle, knee) in [(Part::LeftFoot, 7, 4), (Part::RightFoot, 8, 5)] {
+        // Bones that lie along each other may all be turned about themselves: the back's too.
+        check(Part::Trunk, joint::LEFT_HIP, folded, FOLDED_LEG);
+        for ((part, ankle), knee) in [Part::LeftFoot, Part::RightFoot].into_iter().zip(ANKLES).zip(KNEES) {
             let (Some(foot), Some(shin)) = (own(stance.direction(ankle)), own(stance.direction(knee))) else {
                 continue;
             };
@@ -187,9 +196,9 @@ impl<'a> RestPose<'a> {
             check(part, ankle, -up, TOES_DOWN);
             check(part, knee, degrees(shin, DVec3::NEG_Y), UPRIGHT_SHIN);
         }
-        for (part, collar, shoulder, elbow, side) in
-            [(Part::LeftArm, 13, 16, 18, DVec3::X), (Part::RightArm, 14, 17, 19, DVec3::NEG_X)]
-        {
+        let arms = [(Part::LeftArm, DVec3::X), (Part::RightArm, DVec3::NEG_X)];
+        for (place, (part, side)) in arms.into_iter().enumerate() {
+            let (collar, shoulder, elbow) = (COLLARS[place], SHOULDERS[place], ELBOWS[place]);
             let collar_bone = own(stance.direction(collar));
             check(part, collar, collar_bone.map_or(0.0, |bone| degrees(bone, side)), LEVEL_COLLAR);
             let (upper, lower) = (own(stance.direction(shoulder)), own(stance.direction(elbow)));
@@ -252,23 +261,26 @@ fn off_the_t_pose(stance: &Stance, part: Part) -> f64 {
     };
     let sum = match part {
         Part::Trunk => {
-            let head = stance.between(9, 15).or_else(|| stance.between(9, 12)).and_then(DVec3::try_normalize);
+            let head = stance
+                .between(joint::SPINE3, joint::HEAD)
+                .or_else(|| stance.between(joint::SPINE3, joint::NECK))
+                .and_then(DVec3::try_normalize);
             let (head, across) = (head.unwrap_or(body * DVec3::Y), stance.across_top().unwrap_or(body * DVec3::X));
             degrees(body.inverse() * head, DVec3::Y) + degrees(body.inverse() * across, DVec3::X)
         }
-        Part::Legs => [1, 2, 4, 5].into_iter().map(|joint| off(joint, DVec3::NEG_Y)).fold(0.0, f64::max),
-        Part::LeftFoot => off(1, DVec3::NEG_Y).max(off(4, DVec3::NEG_Y)),
-        Part::RightFoot => off(2, DVec3::NEG_Y).max(off(5, DVec3::NEG_Y)),
-        Part::LeftArm => off(16, DVec3::X) + bent([16, 18]),
-        Part::RightArm => off(17, DVec3::NEG_X) + bent([17, 19]),
+        Part::Legs => HIPS.into_iter().chain(KNEES).map(|joint| off(joint, DVec3::NEG_Y)).fold(0.0, f64::max),
+        Part::LeftFoot => off(HIPS[0], DVec3::NEG_Y).max(off(KNEES[0], DVec3::NEG_Y)),
+        Part::RightFoot => off(HIPS[1], DVec3::NEG_Y).max(off(KNEES[1], DVec3::NEG_Y)),
+        Part::LeftArm => off(SHOULDERS[0], DVec3::X) + bent([SHOULDERS[0], ELBOWS[0]]),
+        Part::RightArm => off(SHOULDERS[1], DVec3::NEG_X) + bent([SHOULDERS[1], ELBOWS[1]]),
     };
     if sum.is_finite() { sum } else { f64::INFINITY }
 }
 
-/// The direction, or the axis of the file that it is close to.
-fn along_axis(direction: DVec3) -> DVec3 {
-    let axes = DVec3::AXES.into_iter().flat_map(|axis| [axis, -axis]);
-    axes.into_iter().find(|axis| degrees(direction, *axis) < ALONG_AXIS).unwrap_or(direction)
+/// The axis of the file that a direction is close to.
+fn axis_along(direction: DVec3) -> Option<DVec3> {
+    let mut axes = DVec3::AXES.into_iter().flat_map(|axis| [axis, -axis]);
+    axes.find(|axis| degrees(direction, *axis) < ALONG_AXIS)
 }
 
 /// Between two directions.

@@ -9,7 +9,8 @@
 //! path is scaled by the ratio of the legs, which settles the file's unit too. Double precision.
 
 use glam::{DQuat, DVec3, Vec3};
-use xavatar_body::{Pose, PoseAxisAngle, smplx};
+use xavatar_body::smplx::{self, joint};
+use xavatar_body::{Pose, PoseAxisAngle};
 use xavatar_formats::Choice;
 
 use super::alignment::{Axes, Manner, Reference};
@@ -18,12 +19,24 @@ use super::handedness::Handedness;
 use super::hinges::twists;
 use super::rest_pose::{Part, RestPose, degrees};
 use super::skeleton::Bvh;
-use super::stance::Stance;
+use super::stance::{HIPS, SHOULDERS, Stance};
 use super::upright::WorldUp;
 use crate::motion::{RestPose as AvatarRest, UpAxis, Warning};
 
 /// Without these there is no person: pelvis, hips, knees, ankles, shoulders, elbows.
-const REQUIRED: [usize; 11] = [0, 1, 2, 4, 5, 7, 8, 16, 17, 18, 19];
+const REQUIRED: [usize; 11] = [
+    joint::PELVIS,
+    joint::LEFT_HIP,
+    joint::RIGHT_HIP,
+    joint::LEFT_KNEE,
+    joint::RIGHT_KNEE,
+    joint::LEFT_ANKLE,
+    joint::RIGHT_ANKLE,
+    joint::LEFT_SHOULDER,
+    joint::RIGHT_SHOULDER,
+    joint::LEFT_ELBOW,
+    joint::RIGHT_ELBOW,
+];
 /// Above this, the report says that the rest poses differ, degrees.
 const NOTABLE_TURN: f64 = 20.0;
 /// Frames that are looked at to understand a rest pose.
@@ -153,7 +166,8 @@ impl Retargeting {
             let body = self.axes.of(0, stance).inverse();
             stance.direction(*joint).map_or(0.0, |direction| degrees(body * direction, t_pose))
         };
-        let turned: Vec<String> = [16, 17, 1, 2]
+        let turned: Vec<String> = [SHOULDERS, HIPS]
+            .as_flattened()
             .iter()
             .filter(|joint| rest.believes(Part::of(**joint)) && turn(joint) > NOTABLE_TURN)
             .map(|joint| format!("{} {:.0} degrees", name(*joint), turn(joint)))
@@ -191,7 +205,7 @@ fn unmirrored(mut bvh: Bvh, bones: &Bones) -> Result<(Bvh, bool), Unusable> {
         )),
         Handedness::Mirrored => {
             // Along any axis it is the same but for a turn of the world: the one along which the person stands first keeps it small.
-            let across = frames.first().and_then(|stance| stance.between(2, 1)).unwrap_or(DVec3::X).abs();
+            let across = frames.first().and_then(|stance| stance.between_two(HIPS)).unwrap_or(DVec3::X).abs();
             bvh.mirror(if across.x >= across.max_element() {
                 0
             } else if across.y >= across.z {

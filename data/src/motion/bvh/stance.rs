@@ -3,19 +3,34 @@
 //! The body's axes are left, up and forward, of hips and collar bones alone: they need no bone's own axes.
 
 use glam::{DMat3, DQuat, DVec3};
-use xavatar_body::smplx;
+use xavatar_body::smplx::{self, joint};
 
 use super::bones::Bones;
 use super::skeleton::Place;
 
-/// Where the bone of a joint ends, for bones that have a direction: legs, feet, collar bones, arms, fingers.
-#[rustfmt::skip]
-const ENDS: [(usize, usize); 32] = [
-    (1, 4), (2, 5), (4, 7), (5, 8), (7, 10), (8, 11),
-    (13, 16), (14, 17), (16, 18), (17, 19), (18, 20), (19, 21),
-    (25, 26), (26, 27), (28, 29), (29, 30), (31, 32), (32, 33), (34, 35), (35, 36), (37, 38), (38, 39),
-    (40, 41), (41, 42), (43, 44), (44, 45), (46, 47), (47, 48), (49, 50), (50, 51), (52, 53), (53, 54),
+/// Where the bone of a joint ends, for bones of limbs: legs, feet, collar bones, arms.
+const ENDS: [(usize, usize); 12] = [
+    (joint::LEFT_HIP, joint::LEFT_KNEE),
+    (joint::RIGHT_HIP, joint::RIGHT_KNEE),
+    (joint::LEFT_KNEE, joint::LEFT_ANKLE),
+    (joint::RIGHT_KNEE, joint::RIGHT_ANKLE),
+    (joint::LEFT_ANKLE, joint::LEFT_FOOT),
+    (joint::RIGHT_ANKLE, joint::RIGHT_FOOT),
+    (joint::LEFT_COLLAR, joint::LEFT_SHOULDER),
+    (joint::RIGHT_COLLAR, joint::RIGHT_SHOULDER),
+    (joint::LEFT_SHOULDER, joint::LEFT_ELBOW),
+    (joint::RIGHT_SHOULDER, joint::RIGHT_ELBOW),
+    (joint::LEFT_ELBOW, joint::LEFT_WRIST),
+    (joint::RIGHT_ELBOW, joint::RIGHT_WRIST),
 ];
+
+/// Joints of both sides, the left one first.
+pub(super) const HIPS: [usize; 2] = [joint::LEFT_HIP, joint::RIGHT_HIP];
+pub(super) const KNEES: [usize; 2] = [joint::LEFT_KNEE, joint::RIGHT_KNEE];
+pub(super) const ANKLES: [usize; 2] = [joint::LEFT_ANKLE, joint::RIGHT_ANKLE];
+pub(super) const COLLARS: [usize; 2] = [joint::LEFT_COLLAR, joint::RIGHT_COLLAR];
+pub(super) const SHOULDERS: [usize; 2] = [joint::LEFT_SHOULDER, joint::RIGHT_SHOULDER];
+pub(super) const ELBOWS: [usize; 2] = [joint::LEFT_ELBOW, joint::RIGHT_ELBOW];
 
 /// Joints closer than this, by the length of both legs, have no direction between them.
 const APART: f64 = 0.02;
@@ -49,9 +64,15 @@ impl Stance {
         Some(self.position(to)? - self.position(from)?)
     }
 
+    /// From the right one of two joints to the left one, which is named first.
+    pub(super) fn between_two(&self, [left, right]: [usize; 2]) -> Option<DVec3> {
+        self.between(right, left)
+    }
+
     /// The direction of a joint's bone, if it has one.
     pub(super) fn direction(&self, joint: usize) -> Option<DVec3> {
-        let end = ENDS.iter().find(|(start, _)| *start == joint).map(|(_, end)| *end)?;
+        let end =
+            ENDS.iter().find(|(start, _)| *start == joint).map(|(_, end)| *end).or_else(|| next_of_finger(joint))?;
         self.between(joint, end)?.try_normalize()
     }
 
@@ -62,29 +83,30 @@ impl Stance {
 
     /// Where the trunk ends: half-way between the collar bones, or the shoulders of a skeleton without.
     pub(super) fn top(&self) -> Option<DVec3> {
-        self.middle([13, 14]).or_else(|| self.middle([16, 17]))
+        self.middle(COLLARS).or_else(|| self.middle(SHOULDERS))
     }
 
     /// The way up the trunk, from the hips.
     pub(super) fn trunk(&self) -> Option<DVec3> {
-        (self.top()? - self.middle([1, 2])?).try_normalize()
+        (self.top()? - self.middle(HIPS)?).try_normalize()
     }
 
     /// The way from right to left at the top of the trunk, where collar bones or else shoulders are apart.
     pub(super) fn across_top(&self) -> Option<DVec3> {
         let is_apart = |across: &DVec3| across.length() > APART * self.leg_lengths();
-        let across = self.between(14, 13).filter(is_apart).or_else(|| self.between(17, 16).filter(is_apart))?;
+        let across =
+            self.between_two(COLLARS).filter(is_apart).or_else(|| self.between_two(SHOULDERS).filter(is_apart))?;
         across.try_normalize()
     }
 
     /// The way down the legs, from the hips to the ankles.
     pub(super) fn legs(&self) -> Option<DVec3> {
-        (self.middle([7, 8])? - self.middle([1, 2])?).try_normalize()
+        (self.middle(ANKLES)? - self.middle(HIPS)?).try_normalize()
     }
 
     /// The turn to the axes left (of the hips), up and forward from x, y and z.
     pub(super) fn axes(&self, up: DVec3) -> Option<DQuat> {
-        let across = self.between(2, 1)?;
+        let across = self.between_two(HIPS)?;
         let left = (across - up * across.dot(up)).try_normalize()?;
         Some(DQuat::from_mat3(&DMat3::from_cols(left, up, left.cross(up))))
     }
@@ -96,11 +118,8 @@ impl Stance {
 
     /// The length of both legs together.
     pub(super) fn leg_lengths(&self) -> f64 {
-        [(1, 4), (4, 7), (2, 5), (5, 8)]
-            .into_iter()
-            .filter_map(|(from, to)| self.between(from, to))
-            .map(DVec3::length)
-            .sum()
+        let bones = [HIPS[0], KNEES[0], HIPS[1], KNEES[1]].into_iter().zip([KNEES[0], ANKLES[0], KNEES[1], ANKLES[1]]);
+        bones.filter_map(|(from, to)| self.between(from, to)).map(DVec3::length).sum()
     }
 
     /// The nearest joint above that has a place.
@@ -108,4 +127,10 @@ impl Stance {
         let parents = &smplx::skeleton().parents;
         std::iter::successors(parents[joint], |above| parents[*above]).find(|above| self.places[*above].is_some())
     }
+}
+
+/// The next joint of a finger.
+fn next_of_finger(joint: usize) -> Option<usize> {
+    let is_of_hand = joint::LEFT_HAND.chain(joint::RIGHT_HAND).any(|of_hand| of_hand == joint);
+    (is_of_hand && smplx::skeleton().parents.get(joint + 1) == Some(&Some(joint))).then_some(joint + 1)
 }

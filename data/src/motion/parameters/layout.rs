@@ -7,6 +7,8 @@
 //! | 51 (52) | SMPL+H | the body's, 2 x 15 of the hands |
 //! | 54 (55) | SMPL-X | the body's, jaw, eyes, 2 x 15 of the hands |
 
+use xavatar_body::smplx::joint;
+use xavatar_body::{smpl, smplh, smplx};
 use xavatar_formats::element_count;
 
 /// What rotations are.
@@ -28,11 +30,22 @@ pub(super) enum Model {
 }
 
 impl Model {
-    /// The first joint of the hands, counted without the root, of models that have them.
+    pub(super) const ALL: [Self; 4] = [Self::Body, Self::Smpl, Self::SmplH, Self::SmplX];
+
+    /// Joints without the root.
+    pub(super) fn joints(self) -> usize {
+        match self {
+            Self::Body => smplx::BODY_JOINTS,
+            Self::Smpl => smpl::skeleton().joints.len() - 1,
+            Self::SmplH => smplh::skeleton().joints.len() - 1,
+            Self::SmplX => smplx::skeleton().joints.len() - 1,
+        }
+    }
+
+    /// The first joint of the hands, counted without the root, of models that have them: the hands come last.
     pub(super) fn first_of_hands(self) -> Option<usize> {
         match self {
-            Self::SmplH => Some(21),
-            Self::SmplX => Some(24),
+            Self::SmplH | Self::SmplX => Some(self.joints() - 2 * joint::HAND),
             Self::Body | Self::Smpl => None,
         }
     }
@@ -60,15 +73,13 @@ pub(super) struct Layout {
     pub(super) model: Model,
 }
 
-/// Joints without the root, and whose they are.
-const MODELS: [(usize, Model); 4] = [(21, Model::Body), (23, Model::Smpl), (51, Model::SmplH), (54, Model::SmplX)];
 /// Numbers of a VPoser code.
 const VPOSER: usize = 32;
 
 impl Layout {
     /// Of an array of this shape, whose last extents are those of the joints; `None` for anything else.
     pub(super) fn of(shape: &[usize]) -> Option<Self> {
-        MODELS.iter().flat_map(|(joints, model)| [(*joints, *model), (joints + 1, *model)]).find_map(
+        Model::ALL.into_iter().flat_map(|model| [(model.joints(), model), (model.joints() + 1, model)]).find_map(
             |(joints, model)| {
                 let endings: [(&[usize], Rotations); 5] = [
                     (&[joints, 3, 3], Rotations::Matrices),
@@ -96,7 +107,7 @@ impl Layout {
 
     /// Whether the first joint is the root.
     pub(super) fn has_root(&self) -> bool {
-        MODELS.iter().all(|(joints, _)| self.joints != *joints)
+        Model::ALL.into_iter().all(|model| self.joints != model.joints())
     }
 }
 

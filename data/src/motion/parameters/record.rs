@@ -9,7 +9,8 @@ use super::rows::Rows;
 use super::tools::Tool;
 use crate::fields::Fields;
 use crate::motion::{Coordinates, Motion};
-use xavatar_body::{HandPose, PoseAxisAngle, smplx};
+use xavatar_body::smplx::{self, joint};
+use xavatar_body::{HandPose, PoseAxisAngle};
 use xavatar_formats::{Array, Error, Result};
 
 /// The parameters under one prefix.
@@ -40,8 +41,11 @@ impl Record<'_> {
             });
         }
         let layout = Layout::of(&array.shape).ok_or_else(|| {
-            let expected = "frames of 21 joints (22 with the root; of SMPL 23 or 24, of SMPL+H 51 or 52, of SMPL-X 54 or 55), \
-                            as 3 numbers or rotation matrices each";
+            let joints = Model::ALL.map(|model| model.joints());
+            let expected = format!(
+                "frames of {} joints (or one more, the root; of SMPL {}, of SMPL+H {}, of SMPL-X {}), as 3 numbers or rotation matrices each",
+                joints[0], joints[1], joints[2], joints[3],
+            );
             self.fields.malformed(&key, array.description(), expected)
         })?;
         Ok((key, array, layout))
@@ -66,13 +70,14 @@ impl Record<'_> {
                 Ok(vec![PoseAxisAngle::default(); rows.frames])
             }
         };
-        let column = |place: usize| joints.iter().map(|row| row[place]).collect::<Vec<_>>();
-        let of_face = |place: usize| (layout.model == Model::SmplX).then(|| column(place));
+        // Rows are without the root.
+        let column = |joint: usize| joints.iter().map(|row| row[joint - 1]).collect::<Vec<_>>();
+        let of_face = |joint: usize| (layout.model == Model::SmplX).then(|| column(joint));
         let roots = layout.has_root().then(|| rotations.iter().step_by(layout.joints).copied().collect());
         let roots = single(names::ROOT, roots)?;
-        let jaws = single(names::JAW, of_face(21))?;
-        let left_eyes = single(names::LEFT_EYE, of_face(22))?;
-        let right_eyes = single(names::RIGHT_EYE, of_face(23))?;
+        let jaws = single(names::JAW, of_face(joint::JAW))?;
+        let left_eyes = single(names::LEFT_EYE, of_face(joint::LEFT_EYE))?;
+        let right_eyes = single(names::RIGHT_EYE, of_face(joint::RIGHT_EYE))?;
         let mut hands = |names: &'static [Name], side: usize| -> Result<Vec<HandPose>> {
             if let Some(hands) = rows.hands(names, side)? {
                 return Ok(hands);
@@ -81,8 +86,8 @@ impl Record<'_> {
                 missing(names);
                 return Ok(vec![HandPose::default(); rows.frames]);
             };
-            let first = first + 15 * side;
-            Ok(joints.iter().map(|row| rows.hand_in_pose(&row[first..first + 15])).collect())
+            let first = first + joint::HAND * side;
+            Ok(joints.iter().map(|row| rows.hand_in_pose(&row[first..first + joint::HAND])).collect())
         };
         let (left_hands, right_hands) = (hands(names::LEFT_HAND, 0)?, hands(names::RIGHT_HAND, 1)?);
         let mut coefficients = |names: &'static [Name], used: usize| -> Result<Vec<Vec<f32>>> {

@@ -7,6 +7,7 @@ use super::names::{self, Name};
 use super::record::Record;
 use crate::motion::amass::SMPL_PELVIS;
 use crate::motion::{Coordinates, RestPose};
+use xavatar_body::smplx::joint;
 use xavatar_body::{HandPose, PoseAxisAngle};
 use xavatar_formats::{Array, Result, element_count};
 
@@ -73,15 +74,19 @@ impl Rows<'_> {
         };
         let width = self.width(array);
         let own = |row: &[HandPose]| row[side * (hands - 1)].clone();
-        if (self.rotations == Rotations::Matrices && width == 9 * 15 * hands) || width == 3 * 15 * hands {
-            let is_flat = width == 9 * 15 * hands || self.has_flat_hands()?;
-            let joints = self.rotations(&key, array, 15 * hands)?;
-            let all: Vec<HandPose> = joints.chunks_exact(15).map(|joints| hand(joints, is_flat)).collect();
+        if (self.rotations == Rotations::Matrices && width == 9 * joint::HAND * hands)
+            || width == 3 * joint::HAND * hands
+        {
+            let is_flat = width == 9 * joint::HAND * hands || self.has_flat_hands()?;
+            let joints = self.rotations(&key, array, joint::HAND * hands)?;
+            let all: Vec<HandPose> = joints.chunks_exact(joint::HAND).map(|joints| hand(joints, is_flat)).collect();
             return Ok(Some(all.chunks_exact(hands).map(own).collect()));
         }
         let components = width / hands;
-        if components == 0 || components > 45 || !width.is_multiple_of(hands) {
-            let expected = format!("{} frames of 15 joints a hand, or of up to 45 PCA coefficients", self.frames);
+        if components == 0 || components > 3 * joint::HAND || !width.is_multiple_of(hands) {
+            let (frames, joints) = (self.frames, joint::HAND);
+            let expected =
+                format!("{frames} frames of {joints} joints a hand, or of up to {} PCA coefficients", 3 * joints);
             return Err(self.record.fields.malformed(&key, array.description(), expected));
         }
         let values = self.numbers(&key, array, width)?;

@@ -14,7 +14,7 @@ use super::{ScanSupervision, Source};
 use crate::config::{Config, SamplingStrategy};
 use crate::mesh::SurfacePoint;
 use crate::train::drawn::PosedSamples;
-use crate::train::supervision::Curve;
+use crate::train::supervision::{Curve, uniform_points};
 
 struct OnSurface {
     source: Source,
@@ -50,9 +50,7 @@ pub(super) fn draw(frame: &ScanSupervision, config: &Config, random: &mut ChaCha
     let bounds = |fold: fn(Vec3, Vec3) -> Vec3| drawn.iter().map(|sample| sample.off).reduce(fold).unwrap_or_default();
     let curve = Curve::over((bounds(Vec3::min), bounds(Vec3::max)));
     drawn.sort_by_cached_key(|sample| curve.place(sample.off));
-    let uniform: Vec<Vec3> = (0..settings.uniform_points)
-        .map(|_| Vec3::from_array(std::array::from_fn(|_| random.random_range(-settings.extent..settings.extent))))
-        .collect();
+    let uniform: Vec<Vec3> = uniform_points(random).collect();
 
     // A distance beyond the truncation is as good as the truncation; `reach` is how far the surface is at most.
     let target = |source: Source, point: Vec3, reach: f32| {

@@ -10,10 +10,11 @@ mod tree;
 
 use std::collections::BTreeMap;
 
-use xavatar_body::smplx;
+use xavatar_body::smplx::{self, joint};
 use xavatar_formats::{Error, Result};
 
 use super::skeleton::Joint;
+use super::stance::{HIPS, SHOULDERS};
 use name::{Name, Phalanx};
 use tree::Tree;
 
@@ -45,8 +46,8 @@ pub(super) fn recognised(joints: &[Joint]) -> Bones {
 /// The pelvis, the back, the neck and the head, where the tree has to say.
 fn find_trunk(tree: &Tree, names: &[Name], bones: &mut Bones) {
     let of = |joints: [usize; 2]| -> Vec<usize> { joints.iter().filter_map(|joint| bones[*joint]).collect() };
-    let (hips, arms) = (of([1, 2]), of([16, 17]));
-    if arms.len() < 2 || (hips.len() < 2 && bones[0].is_none()) {
+    let (hips, arms) = (of(HIPS), of(SHOULDERS));
+    if arms.len() < 2 || (hips.len() < 2 && bones[joint::PELVIS].is_none()) {
         return;
     }
     let (common, chest) = (tree.common(&[hips, arms.clone()].concat()), tree.common(&arms));
@@ -54,20 +55,20 @@ fn find_trunk(tree: &Tree, names: &[Name], bones: &mut Bones) {
     let is_pelvis = |bone: &usize| names[*bone].side.is_none() && table::middle(&names[*bone].word) == Some("pelvis");
     let named =
         (0..names.len()).rev().filter(is_pelvis).find(|bone| common.is_some_and(|common| tree.is_above(*bone, common)));
-    bones[0] = named.or(bones[0]).or(common);
-    let (Some(pelvis), Some(chest)) = (bones[0], chest) else { return };
-    let head = bones[15];
-    if head.is_none() && bones[12].is_none() {
+    bones[joint::PELVIS] = named.or(bones[joint::PELVIS]).or(common);
+    let (Some(pelvis), Some(chest)) = (bones[joint::PELVIS], chest) else { return };
+    let head = bones[joint::HEAD];
+    if head.is_none() && bones[joint::NECK].is_none() {
         // Skeletons that number the bones from the pelvis to the head.
         let neck = tree.chain(chest, |bone| names[bone].side.is_none() && names[bone].word == names[chest].word);
         if let [first, .., last] = neck[..] {
-            (bones[12], bones[15]) = (Some(first), Some(last));
+            (bones[joint::NECK], bones[joint::HEAD]) = (Some(first), Some(last));
         }
     }
-    if let (None, Some(head)) = (bones[12], bones[15]) {
-        bones[12] = tree.path(chest, head).first().copied().filter(|neck| *neck != head);
+    if let (None, Some(head)) = (bones[joint::NECK], bones[joint::HEAD]) {
+        bones[joint::NECK] = tree.path(chest, head).first().copied().filter(|neck| *neck != head);
     }
-    let top = bones[12].or(bones[15]);
+    let top = bones[joint::NECK].or(bones[joint::HEAD]);
     for (joint, bone) in tree.back(&tree.path(pelvis, chest), top) {
         bones[joint] = Some(bone);
     }

@@ -1,12 +1,14 @@
 //! What the tree of a skeleton tells where names do not: the pelvis, the back, the neck, and helper bones.
 
+use xavatar_body::smplx::joint;
+
 use super::Bones;
 use crate::motion::bvh::skeleton::Joint;
 
 /// Positions closer than this, as a share of a leg's length, are one.
 const COINCIDENT: f64 = 1e-3;
 /// How far up the back, from the pelvis to the neck, SMPL-X's three joints of it are.
-const BACK: [(usize, f64); 3] = [(3, 0.22), (6, 0.47), (9, 0.68)];
+const BACK: [(usize, f64); 3] = [(joint::SPINE1, 0.22), (joint::SPINE2, 0.47), (joint::SPINE3, 0.68)];
 
 /// The bones of a skeleton as a tree.
 pub(super) struct Tree<'a> {
@@ -54,8 +56,8 @@ impl Tree<'_> {
     pub(super) fn back(&self, path: &[usize], top: Option<usize>) -> Vec<(usize, usize)> {
         match *path {
             [] => return Vec::new(),
-            [only] => return vec![(6, only)],
-            [first, second] => return vec![(3, first), (9, second)],
+            [only] => return vec![(joint::SPINE2, only)],
+            [first, second] => return vec![(joint::SPINE1, first), (joint::SPINE3, second)],
             _ => {}
         }
         let heights = self.lengths(path);
@@ -84,8 +86,11 @@ impl Tree<'_> {
     /// The bones with each replaced by the helper below it that stands in the same place and carries all that is below:
     /// the turns of both are the joint's.
     pub(super) fn carriers(&self, bones: &Bones) -> Bones {
-        let leg: f64 =
-            [4, 7].iter().filter_map(|joint| bones[*joint]).map(|bone| self.joints[bone].offset.length()).sum();
+        let leg: f64 = [joint::LEFT_KNEE, joint::LEFT_ANKLE]
+            .iter()
+            .filter_map(|joint| bones[*joint])
+            .map(|bone| self.joints[bone].offset.length())
+            .sum();
         let is_helper =
             |bone: &usize| !bones.contains(&Some(*bone)) && self.joints[*bone].offset.length() <= COINCIDENT * leg;
         let mut carriers = bones.clone();
