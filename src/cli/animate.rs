@@ -112,7 +112,7 @@ impl Animate {
         }
         .claim(&self.out, self.resume)?;
         let file = |number: usize| self.out.join(format!("mesh-f{number:05}.{}", self.format.extension()));
-        let poses = clip.poses(Some(&body))?;
+        let poses = self.options.poses(&clip, &avatar, Some(&body))?;
         let frames = (1..).zip(poses).map(|(number, pose)| Frame { path: file(number), pose });
         let missing: Vec<Frame> = frames.filter(|frame| !frame.path.exists()).collect();
         let kept = total - missing.len();

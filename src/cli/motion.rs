@@ -7,7 +7,9 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
+use xavatar::body::{BodyModel, Pose};
 use xavatar::data::{Clip, Coordinates, HandConvention, MotionOptions, RestPose, Translation, UpAxis, Warning};
+use xavatar::export::ground_motion;
 use xavatar::formats::read_text;
 use xavatar::synthetic::load_clip;
 
@@ -41,6 +43,10 @@ pub struct MotionArguments {
     /// What becomes of the path through the world
     #[arg(long, value_enum, default_value_t = Travel::Keep)]
     translation: Travel,
+    /// Move the motion up or down as a whole, so that the figure's lowest place in it is on the floor, y = 0
+    #[arg(long)]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    ground: bool,
     /// For BVH: a TOML file with lines such as "Hips" = "pelvis", where bones have names that are not known
     #[arg(long, value_name = "FILE", alias = "bone-map")]
     bones: Option<PathBuf>,
@@ -96,6 +102,21 @@ impl MotionArguments {
         clip.report.iter().for_each(|line| log::info!("{line}"));
         warn(&clip);
         Ok(clip)
+    }
+
+    /// The poses of a motion that was loaded, on the floor if that is wanted.
+    pub fn poses(&self, clip: &Clip, avatar: &Avatar, body: Option<&BodyModel>) -> anyhow::Result<Vec<Pose>> {
+        let mut poses = clip.poses(body)?;
+        if self.ground {
+            let lift = ground_motion(avatar, body, &mut poses)?;
+            log::info!("ground: the motion is moved up by {lift:.3} m");
+        }
+        Ok(poses)
+    }
+
+    /// Whether figures stand on the floor.
+    pub fn is_grounded(&self) -> bool {
+        self.ground
     }
 
     /// Frames a second that are wanted.

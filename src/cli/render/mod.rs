@@ -59,7 +59,7 @@ pub struct Render {
     #[arg(long)]
     turntable: bool,
     /// Show the scans of a subject beside the avatar in the same poses, and how far they are apart
-    #[arg(long, value_name = "DATA", conflicts_with_all = ["motion", "up", "hands", "source_fps", "smooth"])]
+    #[arg(long, value_name = "DATA", conflicts_with_all = ["motion", "up", "hands", "source_fps", "smooth", "ground"])]
     against: Option<PathBuf>,
     /// Which frames of --against
     #[arg(long, value_enum, default_value_t = Split::Test, requires = "against")]
@@ -165,7 +165,12 @@ impl Render {
         let Some(data) = &self.against else {
             let clip = self.options.load(&self.motion, avatar)?;
             let rate = clip.frames_per_second;
-            let moments = clip.poses(Some(body))?.into_iter().map(|pose| Moment { pose, scan: None }).collect();
+            let moments = self
+                .options
+                .poses(&clip, avatar, Some(body))?
+                .into_iter()
+                .map(|pose| Moment { pose, scan: None })
+                .collect();
             return Ok((None, moments, rate));
         };
         let subject = Subject::open(data)?.settled(body)?;
