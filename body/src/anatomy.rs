@@ -3,6 +3,7 @@
 //! A family's reader fills it, [`BodyModel::assemble`] checks it. V vertices, J joints, S shape and E expression coefficients;
 //! metres.
 
+use std::fmt;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
@@ -74,6 +75,11 @@ impl Correctives {
         }
     }
 
+    /// F: how many features drive them.
+    pub fn count(&self) -> usize {
+        self.shapes().map_or(0, BlendShapes::count)
+    }
+
     /// F, of a skeleton of this many joints.
     fn features(&self, joints: usize) -> usize {
         match self {
@@ -82,6 +88,20 @@ impl Correctives {
             Self::Quaternions { first_joint, coefficient, .. } => {
                 4 * joints.saturating_sub(*first_joint) + usize::from(coefficient.is_some())
             }
+        }
+    }
+}
+
+impl fmt::Display for Correctives {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let count = self.count();
+        match self {
+            Self::None => formatter.write_str("none"),
+            Self::RotationEntries(_) => write!(formatter, "{count} by entries of rotations"),
+            Self::Quaternions { coefficient: Some(index), .. } => {
+                write!(formatter, "{count} by quaternions and coefficient {} of shape", index + 1)
+            }
+            Self::Quaternions { .. } => write!(formatter, "{count} by quaternions"),
         }
     }
 }
@@ -119,7 +139,7 @@ impl Anatomy {
             return wrong("joint positions", found, format!("{joints} positions, and as many in {shapes} directions"));
         }
         let correctives = self.correctives.shapes();
-        let (found, expected) = (correctives.map_or(0, BlendShapes::count), self.correctives.features(joints));
+        let (found, expected) = (self.correctives.count(), self.correctives.features(joints));
         if found != expected {
             return wrong("number of pose correctives", found.to_string(), expected.to_string());
         }

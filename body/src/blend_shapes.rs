@@ -41,6 +41,28 @@ impl BlendShapes {
         Self { directions }
     }
 
+    /// The `columns` of these directions, for these vertices.
+    pub(super) fn of_vertices(&self, vertices: &[usize], columns: impl IntoIterator<Item = usize>) -> Self {
+        let direction = |column: usize| {
+            let direction = &self.directions[column];
+            let row: Vec<f32> = match direction.is_empty() {
+                true => Vec::new(),
+                false => {
+                    vertices.iter().flat_map(|vertex| direction[3 * vertex..3 * vertex + 3].iter().copied()).collect()
+                }
+            };
+            if row.iter().all(|offset| *offset == 0.0) { Vec::new() } else { row }
+        };
+        Self { directions: columns.into_iter().map(direction).collect() }
+    }
+
+    /// The longest offset of any of these vertices in any of the `columns`.
+    pub(super) fn largest_offset(&self, columns: impl IntoIterator<Item = usize>, vertices: &[usize]) -> f32 {
+        let rows = columns.into_iter().map(|column| &self.directions[column]).filter(|direction| !direction.is_empty());
+        let offset = |direction: &Vec<f32>, vertex: usize| Vec3::from_slice(&direction[3 * vertex..]).length();
+        rows.flat_map(|direction| vertices.iter().map(move |vertex| offset(direction, *vertex))).fold(0.0, f32::max)
+    }
+
     /// K.
     pub fn count(&self) -> usize {
         self.directions.len()

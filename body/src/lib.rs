@@ -7,6 +7,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod anatomy;
+pub mod anny;
 mod batch;
 mod blend_shapes;
 mod bones;
@@ -14,6 +15,8 @@ mod families;
 mod gender;
 mod hands;
 mod influences;
+mod joint_regressor;
+mod least_squares;
 mod model;
 mod model_file;
 mod parameters;
@@ -22,12 +25,14 @@ mod part_labels;
 mod parts;
 mod pose;
 mod posing;
+mod regions;
 mod registration;
+mod separation;
 mod skeleton;
 mod transfer;
 
 pub use anatomy::{Anatomy, Correctives, JointBasis};
-pub use batch::{PoseBatch, PosedBatch};
+pub use batch::{ConstrainedBatch, HingeConvention, JointConstraints, JointFreedom, Limits, PoseBatch, PosedBatch};
 pub use blend_shapes::BlendShapes;
 pub use bones::Bone;
 pub use families::{flame, mano, smpl, smplh, smplx};
@@ -40,6 +45,8 @@ pub use parts::{Detail, Part, PartGroup, Role};
 pub use pose::{Pose, PoseAxisAngle};
 pub use posing::PosedBody;
 pub use posing::skin;
+pub use regions::Region;
 pub use registration::Registration;
+pub use separation::BodyPart;
 pub use skeleton::Skeleton;
 pub use transfer::Transferred;

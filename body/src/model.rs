@@ -8,9 +8,8 @@ use glam::Vec3;
 
 use super::families::{read, stems};
 use super::influences::Influences;
-use super::{Anatomy, Gender, HandSpace, Skeleton};
-use xavatar_formats::{ArrayMap, read_npz, read_pickle_arrays};
-use xavatar_formats::{Error, Result};
+use super::{Anatomy, Correctives, Gender, HandSpace, Skeleton};
+use xavatar_formats::{ArrayFile, ArrayMap, Error, Result};
 use xavatar_mesh::TriangleMesh;
 
 /// Which coefficients of a file are used.
@@ -54,9 +53,21 @@ impl BodyModel {
                 remedy: "give the folder with all models, or correct the subject's gender".into(),
             });
         }
-        let is_pickle = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("pkl"));
-        let arrays = if is_pickle { read_pickle_arrays(&file)? } else { read_npz(&file)? };
-        Self::from_arrays(&file, &arrays)
+        Self::from_arrays(&file, &Self::read_arrays(&file)?)
+    }
+
+    /// The arrays of a model's file: an npz, a pickle, or the dict in an npy, told by what it begins with.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] for a file of anything else; those of the container's reader.
+    pub fn read_arrays(file: &Path) -> Result<ArrayMap> {
+        let found = ArrayFile::read(file)?.ok_or_else(|| Error::Mismatch {
+            path: file.into(),
+            found: "none of an npz, a pickle or an npy".into(),
+            expected: "a body model".into(),
+            remedy: "give the model's file as it was downloaded".into(),
+        })?;
+        Ok(found.arrays)
     }
 
     /// Builds the model from the arrays of its file; `path` is named in errors and is where part labels are looked for.
@@ -119,6 +130,11 @@ impl BodyModel {
     /// Skinning weights (V, J), row-major; each row sums to 1.
     pub fn skinning_weights(&self) -> &[f32] {
         &self.anatomy.skinning_weights
+    }
+
+    /// What a pose adds to skinning.
+    pub fn correctives(&self) -> &Correctives {
+        &self.anatomy.correctives
     }
 
     /// What the family's hand conventions are relative to: the left hand's and the right hand's, or none.

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::families::smplx;
+use super::families::{mano, smplx};
 use super::{BodyModel, Pose};
 use xavatar_formats::{Error, Result};
 
@@ -13,6 +13,8 @@ pub enum BodyParameters {
     Absolute(Pose),
     /// SMPL-X's parameters with their hand conventions.
     Smplx(Box<smplx::Parameters>),
+    /// MANO's parameters with their hand convention.
+    Mano(Box<mano::Parameters>),
 }
 
 impl BodyParameters {
@@ -21,6 +23,7 @@ impl BodyParameters {
         match self {
             Self::Absolute(pose) => pose.translation,
             Self::Smplx(parameters) => parameters.transl,
+            Self::Mano(parameters) => parameters.transl,
         }
     }
 
@@ -29,14 +32,16 @@ impl BodyParameters {
     /// # Errors
     /// [`Error::Value`] if they are none.
     pub fn smplx(&self) -> Result<&smplx::Parameters> {
-        match self {
-            Self::Smplx(parameters) => Ok(parameters),
-            Self::Absolute(pose) => Err(Error::Value {
-                name: "a frame's parameters".into(),
-                found: format!("{} absolute rotations", pose.rotations.len()),
-                expected: "SMPL-X's, as its files have them".into(),
-            }),
-        }
+        let found = match self {
+            Self::Smplx(parameters) => return Ok(parameters),
+            Self::Absolute(pose) => format!("{} absolute rotations", pose.rotations.len()),
+            Self::Mano(_) => "MANO's".into(),
+        };
+        Err(Error::Value {
+            name: "a frame's parameters".into(),
+            found,
+            expected: "SMPL-X's, as its files have them".into(),
+        })
     }
 
     /// The pose, if it takes no body model to say what it is.
@@ -47,6 +52,7 @@ impl BodyParameters {
         match self {
             Self::Absolute(pose) => Ok(pose.clone()),
             Self::Smplx(parameters) => parameters.absolute(),
+            Self::Mano(parameters) => parameters.absolute(),
         }
     }
 }
@@ -60,6 +66,12 @@ impl From<Pose> for BodyParameters {
 impl From<smplx::Parameters> for BodyParameters {
     fn from(parameters: smplx::Parameters) -> Self {
         Self::Smplx(Box::new(parameters))
+    }
+}
+
+impl From<mano::Parameters> for BodyParameters {
+    fn from(parameters: mano::Parameters) -> Self {
+        Self::Mano(Box::new(parameters))
     }
 }
 
@@ -77,6 +89,11 @@ impl BodyModel {
             BodyParameters::Smplx(parameters) => {
                 self.skeleton().require(smplx::skeleton(), "the parameters")?;
                 parameters.resolve(self.hands())
+            }
+            BodyParameters::Mano(parameters) => {
+                let pose = parameters.resolve(self.hands())?;
+                self.check(&pose)?;
+                Ok(pose)
             }
         }
     }

@@ -1,6 +1,6 @@
 //! A pose of one skeleton on another: joints of the same name turn alike.
 //!
-//! SMPL, SMPL+H and SMPL-X name what they share alike, so that motions of one drive bodies of the others. Coefficients mean something else in
+//! SMPL, SMPL+H and SMPL-X name what they share alike, MANO and FLAME what they are of a body, so that motions of one drive the others. Coefficients mean something else in
 //! every family: they go along only between skeletons of one family.
 
 use super::{Pose, PoseAxisAngle, Skeleton};
@@ -17,6 +17,17 @@ pub struct Transferred {
 }
 
 impl Skeleton {
+    /// Whether poses of this skeleton mean something on another: most of its joints have namesakes here.
+    pub fn corresponds_to(&self, other: &Self) -> bool {
+        let namesakes = other.joints.iter().filter(|name| self.joint(name).is_some()).count();
+        2 * namesakes > other.joints.len()
+    }
+
+    /// Whether it is that of a whole body, not of a hand or a head.
+    pub fn is_whole_body(&self) -> bool {
+        ["pelvis", "head"].iter().all(|name| self.joint(name).is_some())
+    }
+
     /// A pose of this skeleton on another.
     pub fn transfer(&self, pose: &Pose, to: &Self) -> Transferred {
         let same_family = self.family == to.family;
@@ -43,6 +54,20 @@ mod tests {
 
     use super::super::{smpl, smplx};
     use super::*;
+
+    #[test]
+    fn a_body_drives_hands_and_heads_but_not_anything() {
+        use super::super::{flame, mano};
+        let body = smplx::skeleton();
+        for other in [mano::skeleton("left"), mano::skeleton("right"), flame::skeleton(), smpl::skeleton().clone()] {
+            assert!(body.corresponds_to(&other), "{}", other.family);
+        }
+        assert!(
+            !mano::skeleton("left").corresponds_to(body)
+                && !mano::skeleton("left").corresponds_to(&mano::skeleton("right"))
+        );
+        assert!(body.is_whole_body() && !flame::skeleton().is_whole_body() && !mano::skeleton("left").is_whole_body());
+    }
 
     #[test]
     fn shared_joints_turn_alike_and_the_others_are_named() {

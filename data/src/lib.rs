@@ -12,6 +12,7 @@ mod notes;
 mod placement;
 mod rgbd;
 mod subject;
+mod whole_poses;
 mod xhumans;
 
 pub use capture::{Capture, CaptureKind, CapturedSubject, FrameId, RgbdCapture, ScanFrame, ScanFrames, Source, Split};
@@ -19,8 +20,8 @@ pub use check::{
     CheckReport, CheckedFrames, Defect, DistanceReport, Finding, HandReport, SequenceReport, UnusableFrame, check,
 };
 pub use motion::{
-    Clip, Coordinates, HandConvention, Motion, MotionOptions, RestPose, Translation, UpAxis, Warning, read_motion,
-    write_motion,
+    Clip, Coordinates, HandConvention, Motion, MotionOptions, PosedClip, RestPose, Translation, UpAxis, Warning,
+    read_motion, write_motion,
 };
 pub use notes::FrameNotes;
 pub use placement::{Origin, ScanPlacement};

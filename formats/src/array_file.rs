@@ -1,13 +1,13 @@
 //! Files of arrays of any container, told by what they begin with, not by their names: npz, npy, pickle, PyTorch, JSON, and each but
 //! the first compressed by zlib or gzip, as joblib does.
 
-use std::io::Read;
 use std::path::Path;
 
 use flate2::read::{GzDecoder, ZlibDecoder};
 
 use crate::budget::Budget;
 use crate::fault::Fault;
+use crate::file_tree::unpacked;
 use crate::input_file::read_bytes;
 use crate::npy::NpyFile;
 use crate::pickle::{Value, flatten, interpret};
@@ -144,24 +144,6 @@ fn names_what_it_makes(bytes: &[u8]) -> bool {
     let is_name = |line: &[u8]| !line.is_empty() && !line.iter().any(u8::is_ascii_whitespace);
     // A third line is what follows the two names.
     lines.next().is_some_and(is_name) && lines.next().is_some_and(is_name) && lines.next().is_some()
-}
-
-fn unpacked(packed: impl Read, budget: &Budget) -> std::result::Result<Vec<u8>, Fault> {
-    const STEP: usize = 1 << 16;
-    let mut packed = packed;
-    let mut bytes = Vec::new();
-    loop {
-        budget.spend(STEP, "unpacking")?;
-        let before = bytes.len();
-        packed
-            .by_ref()
-            .take(STEP as u64)
-            .read_to_end(&mut bytes)
-            .map_err(|error| Fault::malformed("compressed data", error, "intact data"))?;
-        if bytes.len() - before < STEP {
-            return Ok(bytes);
-        }
-    }
 }
 
 fn json(bytes: &[u8], budget: &Budget) -> std::result::Result<Value, Fault> {

@@ -7,6 +7,7 @@
 //! | PyTorch checkpoint | [`read_torch`] |
 //! | any of these and JSON, by what it begins with, compressed or not | [`ArrayFile`] |
 //! | safetensors | [`TensorFile`] |
+//! | a folder or a zip archive, as named files | [`FileTree`] |
 //! | PNG, JPEG, TIFF, BMP, TGA | [`read_picture`] |
 //!
 //! Files are opened by [`open_file`], which refuses pipes and devices, and read on a budget of memory in proportion to their size.
@@ -24,6 +25,7 @@ mod budget;
 mod element;
 mod error;
 mod fault;
+mod file_tree;
 mod input_file;
 mod jpeg;
 mod npy;
@@ -34,6 +36,7 @@ mod picture_file;
 mod remedy;
 mod shown;
 mod tensor_file;
+mod text;
 mod torch;
 
 pub use array::{Array, ArrayData, ArrayMap};
@@ -42,6 +45,7 @@ pub use atomic_file::write_atomically;
 pub use element::element_count;
 pub use error::{Error, MemoryLimit, Result};
 pub use fault::{Fault, excerpt};
+pub use file_tree::FileTree;
 pub use input_file::{open_file, read_bytes, read_text};
 pub use npy::{npy_bytes, parse_npy, read_npy};
 pub use npz::{parse_npz, read_npz, write_npz};
@@ -53,4 +57,5 @@ pub use picture_file::{PICTURE_FORMATS, decode_picture, guarded, read_picture, w
 pub use remedy::{Choice, Remedy};
 pub use shown::{Shown, harmless};
 pub use tensor_file::{NamedTensors, TensorFile};
+pub use text::decode_text;
 pub use torch::{parse_torch, read_torch};

@@ -95,14 +95,14 @@ impl Animate {
         self.json.check()?;
         let avatar = Avatar::load(&self.avatar)?;
         let (body, labels) = body_of(&avatar, self.body.as_deref())?;
-        let clip = self.options.load(&self.motion, &avatar)?;
-        let (total, frames_per_second) = (clip.frames.len(), clip.frames_per_second);
+        let clip = self.options.load(&self.motion, &avatar, Some(&body))?;
+        let (total, frames_per_second) = (clip.poses.len(), clip.frames_per_second);
         let avatar_file = if self.avatar.is_dir() { self.avatar.join(Avatar::FILE) } else { self.avatar.clone() };
         Source {
             avatar: std::path::absolute(&self.avatar)?,
             avatar_checksum: checksum(&read_bytes(&avatar_file)?),
             motion: std::path::absolute(&self.motion)?,
-            motion_checksum: checksum(format!("{:?}", clip.frames).as_bytes()),
+            motion_checksum: checksum(format!("{:?}", clip.poses).as_bytes()),
             frames: total,
             frames_per_second,
             format: self.format.extension(),
@@ -112,8 +112,7 @@ impl Animate {
         }
         .claim(&self.out, self.resume)?;
         let file = |number: usize| self.out.join(format!("mesh-f{number:05}.{}", self.format.extension()));
-        let poses = clip.poses(Some(&body))?;
-        let frames = (1..).zip(poses).map(|(number, pose)| Frame { path: file(number), pose });
+        let frames = (1..).zip(clip.poses).map(|(number, pose)| Frame { path: file(number), pose });
         let missing: Vec<Frame> = frames.filter(|frame| !frame.path.exists()).collect();
         let kept = total - missing.len();
         if kept > 0 {

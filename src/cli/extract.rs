@@ -6,7 +6,7 @@ use serde::Serialize;
 use xavatar::avatar::{Avatar, Extraction};
 use xavatar::data::{MotionOptions, RestPose};
 use xavatar::mesh::{FINEST_RESOLUTION, TriangleMesh, write_obj, write_ply};
-use xavatar::synthetic::load_clip;
+use xavatar::synthetic::load_poses;
 
 use super::inputs::load_body;
 use super::json::JsonArgument;
@@ -57,9 +57,10 @@ impl Extract {
             (Some(pose), Some(body)) => {
                 let (body, labels) = load_body(body, avatar.subject.gender)?;
                 let rest = RestPose::of_canonical(&avatar.subject.skeleton, &avatar.subject.joints);
-                let clip = load_clip(pose, &MotionOptions { rest, ..MotionOptions::default() })?;
-                super::motion::warn(&clip);
-                let first = clip.poses(Some(&body))?.into_iter().next();
+                let options = MotionOptions { rest, ..MotionOptions::default() };
+                let clip = load_poses(pose, &options, &avatar.subject.skeleton, Some(&body))?;
+                super::motion::warn(&clip.warnings);
+                let first = clip.poses.into_iter().next();
                 let pose = first.unwrap_or_else(|| body.skeleton().rest_pose());
                 avatar.extract_posed(&body, &labels, &pose, self.resolution)?
             }
@@ -88,7 +89,7 @@ pub enum MeshFormat {
 
 impl MeshFormat {
     /// By the file's extension.
-    fn of(path: &Path) -> anyhow::Result<Self> {
+    pub fn of(path: &Path) -> anyhow::Result<Self> {
         match path.extension().and_then(|extension| extension.to_str()) {
             Some("ply") => Ok(Self::Ply),
             Some("obj") => Ok(Self::Obj),

@@ -9,7 +9,6 @@ use glam::DVec3;
 use serde::Serialize;
 use xavatar::InputError;
 use xavatar::avatar::{Avatar, Subject};
-use xavatar::body::{BodyModel, Gender, PartLabels};
 use xavatar::config::Config;
 use xavatar::data::{Clip, Motion, MotionOptions, read_motion};
 use xavatar::formats::Shown;
@@ -17,6 +16,7 @@ use xavatar::formats::{Array, ArrayFile, ArrayMap, Container, read_pickle};
 use xavatar::mesh::{Colouring, MESH_EXTENSIONS, Note, ReadMesh, SurfacePoint, Topology, TriangleMesh, read_mesh};
 
 use super::Outcome;
+use super::body::BodyDescription;
 use super::described_subject::SubjectDescription;
 use super::json::JsonArgument;
 
@@ -73,10 +73,8 @@ enum Content {
     Avatar(Box<AvatarDescription>),
     Subject(SubjectDescription),
     BodyModel {
-        gender: Option<Gender>,
-        vertices: usize,
-        faces: usize,
-        part_labels: String,
+        #[serde(flatten)]
+        body: BodyDescription,
         arrays: Arrays,
     },
     UnusableBodyModel {
@@ -210,15 +208,8 @@ fn of_motion(motion: Motion, arrays: Arrays) -> Content {
 }
 
 fn of_body(path: &Path, arrays: &ArrayMap, described: Arrays) -> Content {
-    match BodyModel::from_arrays(path, arrays) {
-        Ok(body) => Content::BodyModel {
-            gender: Gender::of_file_name(path),
-            vertices: body.vertex_count(),
-            faces: body.faces().len(),
-            part_labels: PartLabels::find(&body)
-                .map_or_else(|error| error.to_string(), |labels| labels.source.to_string()),
-            arrays: described,
-        },
+    match BodyDescription::of(path, arrays) {
+        Ok(body) => Content::BodyModel { body, arrays: described },
         Err(error) => Content::UnusableBodyModel { problem: error.to_string(), arrays: described },
     }
 }
@@ -260,10 +251,8 @@ impl fmt::Display for Content {
         match self {
             Self::Avatar(avatar) => write!(formatter, "{avatar}"),
             Self::Subject(subject) => write!(formatter, "{subject}"),
-            Self::BodyModel { gender, vertices, faces, part_labels, arrays } => {
-                let gender = gender.map_or("of no stated gender".into(), |gender| gender.to_string());
-                writeln!(formatter, "SMPL-X body model, {gender}: {vertices} vertices, {faces} faces")?;
-                writeln!(formatter, "part labels: {part_labels}")?;
+            Self::BodyModel { body, arrays } => {
+                write!(formatter, "{body}")?;
                 write_arrays(formatter, arrays)
             }
             Self::UnusableBodyModel { problem, arrays } => {

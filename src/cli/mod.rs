@@ -8,6 +8,7 @@
 
 mod ablate;
 mod animate;
+mod body;
 mod captured;
 mod check;
 mod completions;
@@ -81,6 +82,7 @@ enum Verb {
     Render(render::Render),
     Export(export::Export),
     Convert(convert::Convert),
+    Body(body::Body),
     Info(info::Info),
     Doctor(doctor::Doctor),
     #[command(name = "pointcloud")]
@@ -185,6 +187,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Render(verb) => verb.run(),
         Verb::Export(verb) => verb.run(),
         Verb::Convert(verb) => verb.run(),
+        Verb::Body(verb) => verb.run(),
         Verb::Info(verb) => verb.run(),
         Verb::Doctor(verb) => verb.run(),
         Verb::PointCloud(verb) => verb.run(),

@@ -23,9 +23,9 @@ const RIG_INFLUENCES: usize = 4;
 pub fn dancing_rig(avatar: &Avatar, body: &BodyModel) -> xavatar::Result<Option<RiggedMesh>> {
     let clip = dance();
     let subject = &avatar.subject;
-    let poses = match subject.skeleton.require(smplx::skeleton(), "the dance") {
-        Ok(()) => clip.poses(Some(body))?,
-        Err(_) => vec![subject.skeleton.canonical_pose(&subject.betas)],
+    let poses = match smplx::skeleton().corresponds_to(&subject.skeleton) {
+        true => clip.onto(&subject.skeleton, Some(body))?.poses,
+        false => vec![subject.skeleton.canonical_pose(&subject.betas)],
     };
     match rig(avatar, Some(body), &poses, clip.frames_per_second) {
         Err(Error::NoSurface { .. }) => {

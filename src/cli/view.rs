@@ -16,8 +16,8 @@ use super::{Outcome, outputs, report};
     xavatar view runs/demo\n  \
     xavatar view runs/00016 --body models/smplx\n  \
     xavatar view avatar.safetensors --body models/smplx --motion walk.bvh --port 9000\n\n\
-    The page has sliders for joints, jaw and expressions. With a body model every pose's surface comes from the avatar's own\n\
-    fields, as fast as the machine makes it; without one a skinned mesh moves alone. Ctrl-C ends it, twice without waiting for the frame under way.")]
+    The page has sliders for joints, jaw and expressions. A skinned mesh moves; with a body model the surface of a pose\n\
+    that rests comes from the avatar's own fields. Ctrl-C ends it, twice without waiting for the frame under way.")]
 pub struct View {
     /// An avatar.safetensors or a run's folder
     #[arg(value_name = "AVATAR")]
@@ -45,18 +45,18 @@ impl View {
             Some(body) => Some(load_body(body, avatar.subject.gender)?),
             None => built_in_body(&avatar)?,
         };
-        let clip = self.options.load(&self.motion, &avatar)?;
+        let of_body = body.as_ref().map(|(body, _)| body);
+        let clip = self.options.load(&self.motion, &avatar, of_body)?;
         // A port that is taken is known before the work.
         let server = Server::bind(&self.host, self.port)?;
         log::info!("preparing the avatar");
-        let of_body = body.as_ref().map(|(body, _)| body);
-        let rig = report::rig(&avatar, of_body, &clip.poses(of_body)?, clip.frames_per_second)?;
+        let rig = report::rig(&avatar, of_body, &clip.poses, clip.frames_per_second)?;
         let animator = match &body {
             Some((body, labels)) => Some(Animator::new(&avatar, body, labels)?),
             None => None,
         };
         let lead = match animator {
-            Some(_) => "Each pose is sent to the avatar's fields, and what you see is the surface they have for it.",
+            Some(_) => "In motion a skinned mesh; at rest the surface that the avatar's fields have for the pose.",
             None => "Skinned in the browser. Start with --body to see the field's own surface in every pose.",
         };
         let site = Site::new(report::title(&self.avatar), lead.into(), &rig, animator.as_ref())?;

@@ -11,8 +11,8 @@ use glam::Vec3;
 
 use crate::Result;
 use crate::body::smplx::{self, joint};
-use crate::body::{HandPose, Pose, PoseAxisAngle};
-use crate::data::{Clip, Motion, MotionOptions};
+use crate::body::{BodyModel, HandPose, Pose, PoseAxisAngle, Skeleton};
+use crate::data::{Clip, Motion, MotionOptions, PosedClip};
 
 /// The name of the dance, where a motion's path is asked for.
 pub const DANCE: &str = "dance";
@@ -68,6 +68,22 @@ pub fn load_clip(path: &Path, options: &MotionOptions) -> Result<Clip> {
         ..Motion::default()
     };
     Ok(Clip::of(motion, options)?)
+}
+
+/// Reads a motion for a skeleton ([`PosedClip::load`]); [`DANCE`] is the built-in one, unless there is such a file.
+///
+/// # Errors
+/// Those of [`PosedClip::load`].
+pub fn load_poses(
+    path: &Path,
+    options: &MotionOptions,
+    skeleton: &Skeleton,
+    body: Option<&BodyModel>,
+) -> Result<PosedClip> {
+    if path.as_os_str() != DANCE || path.exists() {
+        return Ok(PosedClip::load(path, options, skeleton, body)?);
+    }
+    Ok(load_clip(path, options)?.onto(skeleton, body)?)
 }
 
 /// The frames of one loop.

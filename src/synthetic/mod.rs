@@ -4,7 +4,7 @@ mod dance;
 mod mannequin;
 mod virtual_camera;
 
-pub use dance::{DANCE, dance, load_clip};
+pub use dance::{DANCE, dance, load_clip, load_poses};
 pub use mannequin::{BuiltInSubject, FilmedTake};
 
 pub use crate::data::Split;

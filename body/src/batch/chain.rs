@@ -17,13 +17,13 @@ use crate::{BodyModel, Correctives, JointBasis};
 #[derive(Clone, Debug)]
 pub(super) struct Chain<T> {
     /// R_j, relative to the parent (J).
-    rotations: Vec<Matrix3<T>>,
+    pub rotations: Vec<Matrix3<T>>,
     /// G_j (J).
-    turns: Vec<Matrix3<T>>,
+    pub turns: Vec<Matrix3<T>>,
     /// p_j, without translation (J).
     positions: Vec<[T; 3]>,
     /// J_j, at rest (J).
-    rest: Vec<[T; 3]>,
+    pub rest: Vec<[T; 3]>,
     /// f: what drives the pose correctives (F).
     pub features: Vec<T>,
 }
@@ -50,6 +50,12 @@ impl<T: Scalar> Chain<T> {
 
     fn new(model: &BodyModel, axis_angles: &[[T; 3]], coefficients: &[T]) -> Self {
         let rotations: Vec<_> = axis_angles.iter().map(|r| rotation_matrix(*r)).collect();
+        let features = features(&model.anatomy.correctives, axis_angles, &rotations, coefficients);
+        Self::turned(model, rotations, features, coefficients)
+    }
+
+    /// The chain of joints turned by these matrices (J), which drive correctives by these features (F).
+    pub fn turned(model: &BodyModel, rotations: Vec<Matrix3<T>>, features: Vec<T>, coefficients: &[T]) -> Self {
         let rest = rest_joints(model, coefficients);
         let mut turns = Vec::with_capacity(rotations.len());
         let mut positions: Vec<[T; 3]> = Vec::with_capacity(rotations.len());
@@ -64,7 +70,6 @@ impl<T: Scalar> Chain<T> {
             turns.push(turn);
             positions.push(position);
         }
-        let features = features(&model.anatomy.correctives, axis_angles, &rotations, coefficients);
         Self { rotations, turns, positions, rest, features }
     }
 
@@ -81,16 +86,9 @@ impl<T: Scalar> Chain<T> {
             .collect()
     }
 
-    /// The cotangents of the frame's rotations (J) and of its joints at rest (J), given those of its bones (J), its joints (J) and
-    /// its features (F).
-    pub fn pullback(
-        &self,
-        model: &BodyModel,
-        axis_angles: &[[T; 3]],
-        bones: &[Bone<T>],
-        joints: &[[T; 3]],
-        of_features: &[T],
-    ) -> (Vec<[T; 3]>, Vec<[T; 3]>) {
+    /// The cotangents of the matrices by which the joints are turned (J) and of the joints at rest (J), given those of the frame's bones (J)
+    /// and its joints (J).
+    pub fn pullback(&self, model: &BodyModel, bones: &[Bone<T>], joints: &[[T; 3]]) -> (Vec<Matrix3<T>>, Vec<[T; 3]>) {
         let count = joints.len();
         let mut of_rest = vec![[T::zero(); 3]; count];
         let mut of_turns: Vec<Matrix3<T>> = Vec::with_capacity(count);
@@ -120,12 +118,23 @@ impl<T: Scalar> Chain<T> {
             add(&mut of_rest[joint], &of_bone);
             add(&mut of_rest[parent], &of_bone.map(|component| -component));
         }
-        let mut of_axis_angles = vec![[T::zero(); 3]; count];
+        (of_rotations, of_rest)
+    }
+
+    /// The cotangents of the frame's axis-angles (J), given those of their matrices (J) and of its features (F).
+    pub fn axis_angle_pullback(
+        &self,
+        model: &BodyModel,
+        axis_angles: &[[T; 3]],
+        mut of_rotations: Vec<Matrix3<T>>,
+        of_features: &[T],
+    ) -> Vec<[T; 3]> {
+        let mut of_axis_angles = vec![[T::zero(); 3]; axis_angles.len()];
         features_pullback(&model.anatomy.correctives, axis_angles, of_features, &mut of_rotations, &mut of_axis_angles);
         for (joint, sum) in of_axis_angles.iter_mut().enumerate() {
             add(sum, &rotation_pullback(axis_angles[joint], &self.rotations[joint], &of_rotations[joint]));
         }
-        (of_axis_angles, of_rest)
+        of_axis_angles
     }
 }
 

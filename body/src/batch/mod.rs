@@ -10,6 +10,7 @@
 //! threads. B frames, V vertices, J joints, K = S + E coefficients, F features; metres, radians.
 
 mod chain;
+mod constrained;
 mod rotation;
 mod surface;
 
@@ -17,8 +18,10 @@ use xavatar_formats::{Error, Result};
 use xavatar_vector::Scalar;
 
 pub(super) use self::chain::features;
+pub use self::constrained::{ConstrainedBatch, HingeConvention, JointConstraints, JointFreedom, Limits};
 
 use self::chain::Chain;
+use self::rotation::Matrix3;
 use self::surface::Surface;
 use super::{BodyModel, Pose};
 
@@ -85,19 +88,32 @@ impl BodyModel {
     /// [`Error::Value`] if the batch's arrays do not fit the model. Numbers that are not finite are passed on.
     pub fn pose_batch<T: Scalar>(&self, batch: &PoseBatch<T>) -> Result<PosedBatch<T>> {
         batch.check(self)?;
-        let chains = Chain::of_batch(self, batch);
-        let surface = Surface::new(self, batch);
-        let (vertices, rest_vertices) = surface.skinned(&chains, batch);
+        Ok(self.posed(Chain::of_batch(self, batch), batch))
+    }
+
+    /// The bodies of these chains, whose rotations may be others than the batch's.
+    fn posed<T: Scalar>(&self, chains: Vec<Chain<T>>, batch: &PoseBatch<T>) -> PosedBatch<T> {
+        let (vertices, rest_vertices) = Surface::new(self, batch).skinned(&chains, batch);
         let joints = chains
             .iter()
             .zip(&batch.translations)
             .flat_map(|(chain, translation)| chain.joints(*translation))
             .collect();
-        Ok(PosedBatch { vertices, joints, rest_vertices, chains })
+        PosedBatch { vertices, joints, rest_vertices, chains }
     }
 }
 
 impl<T: Scalar> PosedBatch<T> {
+    /// How a joint is turned in the world, row by row.
+    pub(super) fn turn_of(&self, frame: usize, joint: usize) -> [T; 9] {
+        self.chains[frame].turns[joint]
+    }
+
+    /// Where a joint is at rest.
+    pub(super) fn rest_joint(&self, frame: usize, joint: usize) -> [T; 3] {
+        self.chains[frame].rest[joint]
+    }
+
     /// The cotangents of the poses, given those of `vertices` (B, V) and `joints` (B, J): the gradient of any function of the bodies,
     /// given its gradient in their vertices and joints. `model` and `batch` are those that made the bodies.
     ///
@@ -110,6 +126,30 @@ impl<T: Scalar> PosedBatch<T> {
         vertices: &[[T; 3]],
         joints: &[[T; 3]],
     ) -> Result<PoseBatch<T>> {
+        let frames = self.frame_cotangents(model, batch, vertices, joints)?;
+        let mut cotangent = PoseBatch {
+            rotations: Vec::with_capacity(batch.rotations.len()),
+            coefficients: Vec::with_capacity(batch.coefficients.len()),
+            translations: Vec::with_capacity(frames.len()),
+        };
+        for (frame, of) in frames.into_iter().enumerate() {
+            let axis_angles = batch.frame_rotations(frame);
+            let rotations = self.chains[frame].axis_angle_pullback(model, axis_angles, of.rotations, &of.features);
+            cotangent.rotations.extend(rotations);
+            cotangent.coefficients.extend(of.coefficients);
+            cotangent.translations.push(of.translation);
+        }
+        Ok(cotangent)
+    }
+
+    /// The cotangents of what each frame's chain was made of (B), given those of `vertices` (B, V) and `joints` (B, J).
+    fn frame_cotangents(
+        &self,
+        model: &BodyModel,
+        batch: &PoseBatch<T>,
+        vertices: &[[T; 3]],
+        joints: &[[T; 3]],
+    ) -> Result<Vec<FrameCotangents<T>>> {
         batch.check(model)?;
         require_length("cotangents of vertices", vertices.len(), self.vertices.len())?;
         require_length("cotangents of joints", joints.len(), self.joints.len())?;
@@ -117,23 +157,30 @@ impl<T: Scalar> PosedBatch<T> {
         let (bones, drives) = surface.pullback(&self.chains, &self.rest_vertices, vertices);
         let frames = batch.frames();
         let (vertex_count, joint_count) = (vertices.len() / frames.max(1), joints.len() / frames.max(1));
-        let mut cotangent = PoseBatch {
-            rotations: Vec::with_capacity(batch.rotations.len()),
-            coefficients: Vec::with_capacity(batch.coefficients.len()),
-            translations: Vec::with_capacity(frames),
-        };
-        for (frame, chain) in self.chains.iter().enumerate() {
+        let of_frame = |(frame, chain): (usize, &Chain<T>)| {
             let of_vertices = &vertices[frame * vertex_count..(frame + 1) * vertex_count];
             let of_joints = &joints[frame * joint_count..(frame + 1) * joint_count];
-            let features = surface.feature_cotangents(&drives, frame);
-            let (rotations, rest_joints) =
-                chain.pullback(model, batch.frame_rotations(frame), &bones[frame], of_joints, features);
-            cotangent.rotations.extend(rotations);
-            cotangent.coefficients.extend(surface.coefficient_cotangents(&drives, frame, &rest_joints));
-            cotangent.translations.push(sum(of_vertices.iter().chain(of_joints)));
-        }
-        Ok(cotangent)
+            let (rotations, rest_joints) = chain.pullback(model, &bones[frame], of_joints);
+            FrameCotangents {
+                rotations,
+                features: surface.feature_cotangents(&drives, frame).to_vec(),
+                coefficients: surface.coefficient_cotangents(&drives, frame, &rest_joints),
+                translation: sum(of_vertices.iter().chain(of_joints)),
+            }
+        };
+        Ok(self.chains.iter().enumerate().map(of_frame).collect())
     }
+}
+
+/// Cotangents of what a frame is made of.
+struct FrameCotangents<T> {
+    /// Of the joints' matrices (J).
+    rotations: Vec<Matrix3<T>>,
+    /// Of the correctives' features (F).
+    features: Vec<T>,
+    /// (K).
+    coefficients: Vec<T>,
+    translation: [T; 3],
 }
 
 impl<T: Scalar> PoseBatch<T> {

@@ -44,14 +44,11 @@ pub(super) const BODY_PARENTS: [usize; 21] = [0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 pub(super) const BODY_STARTS: [usize; 9] = [0, 1, 2, 4, 5, 16, 17, 18, 19];
 
 /// The fingers in the order of the files, each three joints from the palm on.
-pub(super) const FINGERS: [&str; 5] = ["index", "middle", "pinky", "ring", "thumb"];
+pub(crate) const FINGERS: [&str; 5] = ["index", "middle", "pinky", "ring", "thumb"];
 
-/// The names of a hand's fifteen joints: `left_index1`; without a side, `index1`.
-pub(super) fn hand_names(side: Option<&str>) -> impl Iterator<Item = String> {
-    let name = move |finger: &str, place: usize| match side {
-        Some(side) => format!("{side}_{finger}{place}"),
-        None => format!("{finger}{place}"),
-    };
+/// The names of a hand's fifteen joints: `left_index1`.
+pub(super) fn hand_names(side: &str) -> impl Iterator<Item = String> {
+    let name = move |finger: &str, place: usize| format!("{side}_{finger}{place}");
     FINGERS.into_iter().flat_map(move |finger| (1..=3).map(move |place| name(finger, place)))
 }
 

@@ -13,6 +13,8 @@ mod supr;
 
 use std::path::Path;
 
+pub(crate) use self::layout::FINGERS;
+
 use super::model_file::ModelFile;
 use super::{Anatomy, Coefficients};
 use xavatar_formats::ArrayMap;

@@ -43,7 +43,7 @@ fn build() -> Skeleton {
     let body_starts: Vec<usize> = BODY_STARTS.into_iter().chain([12, 15]).collect();
     Skeleton {
         family: "SMPL+H".into(),
-        joints: names.chain(hand_names(Some("left"))).chain(hand_names(Some("right"))).collect(),
+        joints: names.chain(hand_names("left")).chain(hand_names("right")).collect(),
         parents: std::iter::once(None).chain(parents.map(Some)).collect(),
         starts: body_starts.iter().chain(&left).chain(&right).copied().collect(),
         parts: vec![

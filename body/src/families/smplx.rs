@@ -67,8 +67,8 @@ fn build() -> Skeleton {
             .into_iter()
             .chain(["jaw", "left_eye", "right_eye"])
             .map(str::to_owned)
-            .chain(hand_names(Some("left")))
-            .chain(hand_names(Some("right")))
+            .chain(hand_names("left"))
+            .chain(hand_names("right"))
             .collect(),
         parents: std::iter::once(None).chain(parents.map(Some)).collect(),
         parts: vec![
@@ -147,8 +147,25 @@ impl Parameters {
         })
     }
 
-    /// The pose, with the `hands` (left, right) of the model that it is of.
-    pub(crate) fn resolve(&self, hands: &[HandSpace]) -> Result<Pose> {
+    /// The same with hands that no model is needed for: offsets from a mean as they are, coefficients of components as flat hands.
+    #[must_use]
+    pub fn with_flat_hands(&self) -> Self {
+        let flat = |hand: &HandPose| match hand {
+            HandPose::Flat(fingers) | HandPose::RelativeToMean(fingers) => HandPose::Flat(*fingers),
+            HandPose::Pca(_) => HandPose::default(),
+        };
+        Self {
+            left_hand_pose: flat(&self.left_hand_pose),
+            right_hand_pose: flat(&self.right_hand_pose),
+            ..self.clone()
+        }
+    }
+
+    /// The pose of SMPL-X's skeleton, with the `hands` (left, right) of the model that it is of.
+    ///
+    /// # Errors
+    /// [`Error::Value`] for another number of hands, or more coefficients than they have components.
+    pub fn resolve(&self, hands: &[HandSpace]) -> Result<Pose> {
         let [left, right] = hands else {
             let (found, expected) = (format!("of a model with {} hands", hands.len()), "of one with two".into());
             return Err(Error::Value { name: "SMPL-X parameters".into(), found, expected });

@@ -14,7 +14,7 @@ use xavatar_body::{BodyModel, BodyParameters, HandPose, Pose, PoseAxisAngle};
 use xavatar_formats::{Error, Result};
 
 /// Frames a second where neither the file nor the user says.
-const USUAL_RATE: f32 = 30.0;
+pub(super) const USUAL_RATE: f32 = 30.0;
 
 /// What the user declares about a motion, and what is to be made of it. `Default` detects everything and changes nothing.
 #[derive(Clone, Debug, Default)]

@@ -15,6 +15,7 @@ mod frames;
 mod grab;
 mod own;
 mod parameters;
+mod posed;
 mod rest;
 mod timing;
 mod upright;
@@ -29,6 +30,7 @@ pub use clip::{Clip, MotionOptions};
 pub use conventions::{Coordinates, HandConvention, Translation, UpAxis};
 pub use own::write_motion;
 pub(crate) use parameters::{read_named, recognised as has_named};
+pub use posed::PosedClip;
 pub use rest::RestPose;
 
 /// A sequence of body parameters, as its source has it.

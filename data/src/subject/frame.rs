@@ -8,7 +8,7 @@ use super::rules::Rules;
 use super::scan_file::read_scan;
 use crate::{FrameId, ScanFrame};
 use glam::Vec3;
-use xavatar_body::{BodyParameters, smplx};
+use xavatar_body::{BodyParameters, mano, smplx};
 use xavatar_formats::{Choice, Error, Remedy, Result};
 use xavatar_mesh::ReadMesh;
 
@@ -80,6 +80,12 @@ impl FrameFiles {
                 betas: betas.to_vec(),
                 left_hand_pose: self.rules.hand(0, parameters.left_hand_pose)?,
                 right_hand_pose: self.rules.hand(1, parameters.right_hand_pose)?,
+                ..*parameters
+            }
+            .into(),
+            BodyParameters::Mano(parameters) => mano::Parameters {
+                betas: betas.to_vec(),
+                hand_pose: self.rules.hand(0, parameters.hand_pose)?,
                 ..*parameters
             }
             .into(),

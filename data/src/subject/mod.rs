@@ -22,7 +22,7 @@ pub use rules::HandZero;
 pub use scans::Scans;
 
 use self::description::Description;
-use self::fit_file::read_fit;
+use self::fit_file::{Registered, read_fit};
 use self::layout::{DRESS_INFO, Sequence, find, named_sequence};
 use self::pairing::{Paired, last_number};
 use self::rules::{Rules, Settled};
@@ -30,11 +30,14 @@ use crate::placement::ScanPlacement;
 use crate::rgbd::Shape;
 use crate::xhumans::{Common, GENDER_FILE, SHAPE_FILE, gender_in, mean_shape};
 use crate::{FrameId, ScanFrames, Split};
-use xavatar_body::{BodyModel, Gender, Skeleton};
+use xavatar_body::{BodyModel, Gender};
 use xavatar_formats::{Error, Result, Value, read_pickle};
 
 /// Registrations that are read for a shape that no file states.
 const SHAPES_READ: usize = 200;
+
+/// Families of whole bodies, as registrations name them.
+const WHOLE_BODIES: [&str; 3] = ["SMPL-X", "SMPL+H", "SMPL"];
 
 /// A subject on disk: what is common to its frames, and which frames there are.
 #[derive(Clone, Debug)]
@@ -52,7 +55,7 @@ pub struct Subject {
     /// Parameters that the first registration does not have, so that they are zero.
     pub absent: Vec<String>,
     /// The first registration, and the skeleton it is of.
-    registered: Option<(PathBuf, &'static Skeleton)>,
+    registered: Option<(PathBuf, Registered)>,
     /// Training frames, by sequence and number.
     pub train: Vec<FrameFiles>,
     /// Test frames, by sequence and number.
@@ -120,7 +123,7 @@ impl Subject {
             gender,
             betas,
             shape_spread,
-            registered: first.as_ref().zip(fits.first()).map(|(fit, path)| (path.to_path_buf(), fit.skeleton)),
+            registered: first.as_ref().zip(fits.first()).map(|(fit, path)| (path.to_path_buf(), fit.registered)),
             absent: first.map(|fit| fit.absent).unwrap_or_default(),
             train,
             test,
@@ -134,13 +137,24 @@ impl Subject {
     /// [`Error::Mismatch`] if the frames were registered with a model of another family; those of [`BodyModel::pose`] for the
     /// subject's shape.
     pub fn settled(mut self, body: &BodyModel) -> Result<Self> {
-        let of_other = self.registered.iter().find(|(_, skeleton)| skeleton.joints != body.skeleton().joints);
-        if let Some((path, skeleton)) = of_other {
-            return Err(Error::Mismatch {
-                path: path.clone(),
-                found: format!("a registration of {}", skeleton.family),
-                expected: format!("one of {}, as {} is", body.skeleton().family, body.path().display()),
-                remedy: format!("give a body model of {}, or fit the scans again", skeleton.family).into(),
+        let skeleton = body.skeleton();
+        let of_other = self.registered.iter().find(|(_, registered)| registered.joints != skeleton.joints.len());
+        if let Some((path, registered)) = of_other {
+            let family = registered.family;
+            let wants_whole_body = !skeleton.is_whole_body() && WHOLE_BODIES.contains(&family);
+            return Err(match wants_whole_body {
+                true => Error::Mismatch {
+                    path: body.path().into(),
+                    found: format!("this is {}", skeleton.family),
+                    expected: format!("a whole body: {} is a registration of {family}", path.display()),
+                    remedy: format!("give a body model of {family}").into(),
+                },
+                false => Error::Mismatch {
+                    path: path.clone(),
+                    found: format!("a registration of {family} ({} joints)", registered.joints),
+                    expected: format!("one of {}, as {} is", skeleton.description(), body.path().display()),
+                    remedy: format!("give a body model of {family}, or fit the scans again").into(),
+                },
             });
         }
         let mut frames: Vec<&mut FrameFiles> = self.train.iter_mut().chain(&mut self.test).collect();

