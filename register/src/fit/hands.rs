@@ -105,7 +105,7 @@ impl Hand<'_> {
         }
         let mut best = (self.misfit(&pose, shape, &frame, &index)?, pose);
         for choice in 0..1_usize << self.fingers.len() {
-            let bends = |finger: usize| Some(BENDS[if choice >> finger & 1 == 1 { 2 } else { 0 }]);
+            let bends = |finger: usize| Some(BENDS[if (choice >> finger) & 1 == 1 { 2 } else { 0 }]);
             self.keep_better(&mut best, bends, shape, &frame, &index)?;
         }
         for half in 0..self.fingers.len() {
