@@ -43,7 +43,7 @@ impl RiggedMesh {
         let lift = lift(&self.mesh);
         self.mesh.vertices.iter_mut().for_each(|vertex| *vertex += lift);
         for joint in &mut self.joints {
-            joint.inverse_bind = joint.inverse_bind * Affine3A::from_translation(-lift);
+            joint.inverse_bind *= Affine3A::from_translation(-lift);
             if joint.parent.is_none() {
                 joint.translation += lift;
             }

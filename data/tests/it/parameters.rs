@@ -81,6 +81,12 @@ fn an_unmarked_file_is_ours_only_if_its_body_is() {
     let mut reference = arrays("reference.npz");
     reference.remove("frames_per_second");
     assert!(loaded(&reference, &MotionOptions::default()).unwrap().report[0].contains("(motion npz)"));
+    // Our hands say their convention; those of others are smplx's.
+    let mut with_hands = reference.clone();
+    with_hands.insert("left_hand_pose".into(), Array::from_f32(&[4, 45], vec![0.1; 4 * 45]));
+    let read = loaded(&with_hands, &MotionOptions::default()).unwrap();
+    assert!(says(&read.report, "up axis: Y (the body stands along it"), "{:?}", read.report);
+    assert!(matches!(&read.frames[0].left_hand_pose, HandPose::RelativeToMean(hand) if hand[14].0 == Vec3::splat(0.1)));
     let mut camera = arrays("camera_without_hands.npz");
     // Marked, it is what the format says, and said loudly.
     camera.insert("frames_per_second".into(), Array::from_f32(&[], vec![30.0]));

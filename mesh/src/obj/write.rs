@@ -42,7 +42,7 @@ fn write_material(path: &Path, image: &image::RgbImage) -> Result<String> {
     let (image_file, image_name) = beside("png")?;
     let (material_file, material_name) = beside("mtl")?;
     write_texture(&image_file, image)?;
-    write_atomically(&material_file, |writer| write!(writer, "{MATT}map_Kd {image_name}\n"))?;
+    write_atomically(&material_file, |writer| writeln!(writer, "{MATT}map_Kd {image_name}"))?;
     Ok(material_name)
 }
 

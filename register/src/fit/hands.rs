@@ -1,7 +1,7 @@
 //! Fingers that are bent in the scan and straight in the fit, or the other way round: no small step leads from one to the other.
 //!
-//! Each hand is tried with all fingers bent alike, then with each finger bent otherwise, and refitted; what lies better is kept. Only
-//! the hand's own vertices and the scan around it are looked at. Fingers bend about z, left ones to negative angles.
+//! Each hand is tried with every choice of fingers straight and bent, then with each finger half bent, and refitted; what lies best is
+//! kept. Only the hand's own vertices and the scan around it are looked at. Fingers bend about z, left ones to negative angles.
 
 use std::sync::Arc;
 
@@ -17,8 +17,8 @@ use crate::linear::{Besides, FramePose, so3};
 use crate::target::{IndexedTarget, OrientedIndex, Seekers};
 use crate::terms::{LandmarkTerm, SurfaceTerm};
 
-/// How far a finger's joints are bent in what is tried, radians each.
-const BENDS: [f64; 3] = [0.0, 0.9, 1.5];
+/// How far the joints of a straight, a half bent and a bent finger are turned, radians each.
+const BENDS: [f64; 3] = [0.05, 0.8, 1.45];
 /// A hand and what it may touch are within this of its middle, metres.
 const AROUND: f64 = 0.12;
 /// Hands of which less is within reach of the scan are not there, metres.
@@ -104,22 +104,40 @@ impl Hand<'_> {
             return Ok(pose);
         }
         let mut best = (self.misfit(&pose, shape, &frame, &index)?, pose);
-        let everything: Vec<usize> = self.fingers.concat();
-        for joints in std::iter::once(&everything).chain(&self.fingers) {
-            for bend in BENDS {
-                let mut tried = best.1.clone();
-                joints.iter().for_each(|joint| tried.rotations[*joint] = so3::exp(self.bent(*joint, bend)));
-                let mut sequence = Sequence { poses: vec![tried], shape: shape.to_vec() };
-                let bare = vec![0.0; self.fitter.surface.len()];
-                sequence.run(&self.fitter, &STAGE, std::slice::from_ref(&frame), &bare)?;
-                let fitted = sequence.poses.remove(0);
-                let misfit = self.misfit(&fitted, shape, &frame, &index)?;
-                if misfit < best.0 {
-                    best = (misfit, fitted);
-                }
-            }
+        for choice in 0..1_usize << self.fingers.len() {
+            let bends = |finger: usize| Some(BENDS[if (choice >> finger) & 1 == 1 { 2 } else { 0 }]);
+            self.keep_better(&mut best, bends, shape, &frame, &index)?;
+        }
+        for half in 0..self.fingers.len() {
+            self.keep_better(&mut best, |finger| (finger == half).then_some(BENDS[1]), shape, &frame, &index)?;
         }
         Ok(best.1)
+    }
+
+    /// Refits the best pose with some fingers bent otherwise, and keeps it if it lies better.
+    fn keep_better(
+        &self,
+        best: &mut (f64, FramePose),
+        bends: impl Fn(usize) -> Option<f64>,
+        shape: &[f64],
+        frame: &Frame,
+        scan: &IndexedTarget,
+    ) -> Result<()> {
+        let mut tried = best.1.clone();
+        for (finger, joints) in self.fingers.iter().enumerate() {
+            if let Some(bend) = bends(finger) {
+                joints.iter().for_each(|joint| tried.rotations[*joint] = so3::exp(self.bent(*joint, bend)));
+            }
+        }
+        let mut sequence = Sequence { poses: vec![tried], shape: shape.to_vec() };
+        let bare = vec![0.0; self.fitter.surface.len()];
+        sequence.run(&self.fitter, &STAGE, std::slice::from_ref(frame), &bare)?;
+        let fitted = sequence.poses.remove(0);
+        let misfit = self.misfit(&fitted, shape, frame, scan)?;
+        if misfit < best.0 {
+            *best = (misfit, fitted);
+        }
+        Ok(())
     }
 
     /// The turn of a finger's joint that is bent, otherwise relaxed.

@@ -13,7 +13,7 @@ use xavatar_formats::Result;
 use super::schedule::Stage;
 use super::subject::Fitter;
 use crate::landmarks::Seen;
-use crate::linear::{FramePose, NormalEquations, Unknowns};
+use crate::linear::{Basis, FramePose, NormalEquations, Unknowns};
 use crate::target::{IndexedTarget, ScanTarget};
 use crate::terms::{Dressed, add_expression};
 
@@ -44,6 +44,19 @@ pub struct Sequence {
     pub shape: Vec<f64>,
 }
 
+/// A frame with the index that a stage searches its scan by, if it looks at it.
+struct IndexedFrame<'a> {
+    scan: Option<IndexedTarget>,
+    landmarks: &'a [Seen],
+}
+
+impl<'a> IndexedFrame<'a> {
+    fn new(frame: &'a Frame, stage: &Stage) -> Result<Self> {
+        let scan = stage.surface.map(|term| IndexedTarget::new(&frame.scan, term.normal_weight)).transpose()?;
+        Ok(Self { scan, landmarks: &frame.landmarks })
+    }
+}
+
 /// Equations of one frame, solved for its own unknowns as far as the shape's are not needed.
 struct Reduced {
     /// A^-1 [B | g]; none if the equations had no solution.
@@ -61,24 +74,21 @@ impl Sequence {
     /// [`Error::Value`](xavatar_formats::Error::Value) if a pose stops being a number.
     pub fn run(&mut self, fitter: &Fitter<'_>, stage: &Stage, frames: &[Frame], clothing: &[f64]) -> Result<()> {
         let unknowns = fitter.unknowns(stage);
-        let index =
-            |frame: &Frame| stage.surface.map(|term| IndexedTarget::new(&frame.scan, term.normal_weight)).transpose();
-        let indexed: Vec<Option<IndexedTarget>> = frames.par_iter().map(index).collect::<Result<_>>()?;
+        let indexed: Vec<IndexedFrame<'_>> =
+            frames.par_iter().map(|frame| IndexedFrame::new(frame, stage)).collect::<Result<_>>()?;
         for _ in 0..stage.steps {
-            let reduced: Vec<Reduced> = (self.poses.par_iter().zip(frames).zip(&indexed))
-                .map(|((pose, frame), scan)| {
-                    let equations =
-                        fitter.equations(stage, &unknowns, pose, &self.shape, frame, scan.as_ref(), clothing)?;
-                    Ok(Reduced::of(equations, &unknowns))
-                })
-                .collect::<Result<_>>()?;
+            let reduced = |(pose, frame): (&FramePose, &IndexedFrame<'_>)| {
+                let equations = fitter.equations(stage, &unknowns, pose, &self.shape, frame, clothing)?;
+                Ok(Reduced::of(equations, &unknowns))
+            };
+            let reduced: Vec<Reduced> = self.poses.par_iter().zip(&indexed).map(reduced).collect::<Result<_>>()?;
             let shape_step = self.shape_step(stage, &unknowns, &reduced);
             for (pose, reduced) in self.poses.iter_mut().zip(&reduced) {
                 let Some(solution) = &reduced.solution else { continue };
                 let shapes = shape_step.len();
                 let own = -(solution.columns(0, shapes) * &shape_step + solution.column(shapes));
                 let whole: Vec<f64> = own.iter().chain(&shape_step).copied().collect();
-                let (moved, _) = pose.moved(unknowns.extents(), &unknowns.spread(&whole));
+                let moved = pose.moved(unknowns.extents(), &unknowns.spread(&whole));
                 if moved.is_finite() {
                     *pose = moved;
                 }
@@ -142,25 +152,24 @@ impl Reduced {
 
 impl Fitter<'_> {
     /// The equations of one frame in a stage.
-    #[allow(clippy::too_many_arguments)]
-    pub(super) fn equations(
+    fn equations(
         &self,
         stage: &Stage,
         unknowns: &Unknowns,
         pose: &FramePose,
         shape: &[f64],
-        frame: &Frame,
-        scan: Option<&IndexedTarget>,
+        frame: &IndexedFrame<'_>,
         clothing: &[f64],
     ) -> Result<NormalEquations> {
         let mut equations = NormalEquations::new(unknowns.count());
         let posed = self.surface.posed(&self.linkage, pose, shape);
-        if let (Some(term), Some(scan)) = (&stage.surface, scan) {
+        if let (Some(term), Some(scan)) = (&stage.surface, &frame.scan) {
             let body = Dressed { linkage: &self.linkage, model: &self.surface, clothing };
             term.add(body, &posed, scan, unknowns, &mut equations)?;
         }
         if let Some(term) = &stage.landmarks {
-            term.add(&self.linkage, &self.sites, &frame.landmarks, &posed.chain, unknowns, &mut equations);
+            let basis = Basis { linkage: &self.linkage, chain: &posed.chain, unknowns };
+            term.add(basis, &self.sites, frame.landmarks, &mut equations);
         }
         self.prior.add(pose, unknowns, &mut equations);
         add_expression(pose, stage.expression_prior, unknowns, &mut equations);

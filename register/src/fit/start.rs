@@ -68,7 +68,7 @@ fn nearest_rotation(covariance: Matrix3<f64>) -> Option<DMat3> {
     let values = decomposed.singular_values;
     let second =
         values.iter().copied().fold([0.0, 0.0], |[a, b]: [f64; 2], v| if v > a { [v, a] } else { [a, b.max(v)] })[1];
-    if !(second > 1e-6) {
+    if second.is_nan() || second <= 1e-6 {
         return None;
     }
     let sign = (vt.transpose() * u.transpose()).determinant().signum();

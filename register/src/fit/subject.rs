@@ -80,7 +80,7 @@ impl<'a> Fitter<'a> {
         let names = &self.model.skeleton().joints;
         let is_freed = |joint: &usize| {
             let name = names[*joint].as_str();
-            let is_eye = name.ends_with("_eye") || name.ends_with("eye_smplhf");
+            let is_eye = name.ends_with("_eye");
             let is_jaw = name == "jaw";
             let is_finger = name.ends_with(['1', '2', '3']) && !name.starts_with("spine");
             match stage.freed {

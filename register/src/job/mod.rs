@@ -6,6 +6,7 @@
 mod coordinates;
 mod record;
 mod report;
+mod scored;
 mod shared;
 mod write;
 
@@ -20,6 +21,7 @@ use xavatar_formats::{Error, FolderLock, Result};
 
 pub use coordinates::{FileCoordinates, Up};
 pub use report::{FrameReport, REPORT_FILE, RegistrationReport, Verdict};
+pub use scored::score_registration;
 pub use shared::CLOTHING_FILE;
 
 use self::record::{Circumstances, Record};
@@ -151,7 +153,7 @@ impl<'a> Working<'a> {
         let (place, count) = self.places[index];
         let found = files.of_frame(&self.files[index].id, place, count)?;
         let seen = found.into_iter().filter_map(|(name, place, confidence)| {
-            Some(Seen { site: self.fitter.sites.named(name)?, place: self.coordinates.place(place), confidence })
+            Some(Seen { site: self.fitter.sites.named(&name)?, place: self.coordinates.place(place), confidence })
         });
         Ok(believed(&self.fitter.linkage, &self.fitter.sites, &seen.collect::<Vec<_>>()))
     }

@@ -3,9 +3,10 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
+use xavatar_body::Role;
 
 use super::coordinates::FileCoordinates;
-use crate::fit::FrameQuality;
+use crate::fit::{Fitter, FrameQuality, Shaped};
 
 /// The file.
 pub const REPORT_FILE: &str = "register.json";
@@ -18,6 +19,8 @@ pub enum Verdict {
     Registered,
     /// It does not, whatever it was started from: it is left out of the data.
     LeftOut,
+    /// It does not, in data that somebody else registered.
+    Doubtful,
 }
 
 /// One frame.
@@ -48,6 +51,8 @@ pub struct RegistrationReport {
     pub betas: Vec<f64>,
     /// Mean thickness of the clothing, millimetres.
     pub clothing_mm: f64,
+    /// How far the surface wavers between frames at rest: half the range that holds half of them, median over the body, millimetres.
+    pub jitter_mm: f64,
     /// Every frame, the worst first.
     pub frames: Vec<FrameReport>,
 }
@@ -57,6 +62,37 @@ impl FrameReport {
     pub(super) fn badness(&self) -> f64 {
         self.quality.as_ref().map_or(f64::INFINITY, FrameQuality::misfit)
     }
+}
+
+/// A subject's report, with its frames in order.
+pub(super) fn summary(
+    coordinates: FileCoordinates,
+    shaped: &Shaped,
+    fitter: &Fitter<'_>,
+    mut frames: Vec<FrameReport>,
+) -> RegistrationReport {
+    frames.sort_by(|one, other| other.badness().total_cmp(&one.badness()).then(one.frame.cmp(&other.frame)));
+    let roles = fitter.surface.roles.iter();
+    let cloth = roles.zip(&shaped.clothing.thickness).filter(|(role, _)| **role == Role::Body);
+    let cloth: Vec<f64> = cloth.map(|(_, thickness)| *thickness).collect();
+    let mut spread: Vec<f64> = shaped.clothing.spread.iter().copied().filter(|spread| spread.is_finite()).collect();
+    spread.sort_by(f64::total_cmp);
+    RegistrationReport {
+        coordinates,
+        betas: shaped.shape.clone(),
+        clothing_mm: 1e3 * cloth.iter().sum::<f64>() / cloth.len().max(1) as f64,
+        jitter_mm: 1e3 * spread.get(spread.len() / 2).copied().unwrap_or(0.0),
+        frames,
+    }
+}
+
+/// Why a frame is not believed.
+pub(super) fn why(quality: &FrameQuality) -> String {
+    format!(
+        "{:.0} % of the scan is not covered by the body, {:.0} % of the body is far from the scan",
+        1e2 * quality.uncovered,
+        1e2 * quality.body_far()
+    )
 }
 
 impl RegistrationReport {
@@ -76,6 +112,7 @@ impl fmt::Display for RegistrationReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "registered         {} of {} frames", self.registered(), self.frames.len())?;
         writeln!(f, "clothing           {:.1} mm thick in the mean", self.clothing_mm)?;
+        writeln!(f, "jitter             {:.1} mm between frames", self.jitter_mm)?;
         let mut medians: std::collections::BTreeMap<&str, Vec<f64>> = std::collections::BTreeMap::new();
         for quality in self
             .frames
@@ -93,8 +130,12 @@ impl fmt::Display for RegistrationReport {
         if hands > 0 {
             writeln!(f, "hands              not in the scan in {hands} frames")?;
         }
-        for frame in self.frames.iter().filter(|frame| frame.verdict == Verdict::LeftOut) {
-            writeln!(f, "left out: {}: {}", frame.frame, frame.reason)?;
+        for frame in &self.frames {
+            match frame.verdict {
+                Verdict::Registered => {}
+                Verdict::LeftOut => writeln!(f, "left out: {}: {}", frame.frame, frame.reason)?,
+                Verdict::Doubtful => writeln!(f, "doubtful: {}: {}", frame.frame, frame.reason)?,
+            }
         }
         Ok(())
     }

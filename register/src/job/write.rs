@@ -2,18 +2,15 @@
 
 use std::io::Write;
 
-use xavatar_body::{BodyParameters, Gender, HandPose, Pose, PoseAxisAngle, Role, smplx};
+use xavatar_body::{BodyParameters, Gender, HandPose, Pose, PoseAxisAngle, smplx};
 use xavatar_data::{FrameFolder, write_common};
 use xavatar_formats::{Error, Result, write_atomically};
 
 use super::record::Record;
-use super::report::{FrameReport, REPORT_FILE, RegistrationReport, Verdict};
+use super::report::{FrameReport, REPORT_FILE, RegistrationReport, Verdict, summary, why};
 use super::{Observer, Working};
 use crate::fit::{FrameQuality, Shaped};
 use crate::linear::so3;
-
-/// Share of a hand that is far from the scan where the scan has no hand.
-const HAND_FAR: f64 = 0.12;
 
 impl Working<'_> {
     /// Writes all frames that are registered, and the report.
@@ -38,16 +35,7 @@ impl Working<'_> {
             }
             frames.push(report);
         }
-        frames.sort_by(|one, other| other.badness().total_cmp(&one.badness()).then(one.frame.cmp(&other.frame)));
-        let cloth =
-            self.fitter.surface.roles.iter().zip(&shaped.clothing.thickness).filter(|(role, _)| **role == Role::Body);
-        let cloth: Vec<f64> = cloth.map(|(_, thickness)| *thickness).collect();
-        let report = RegistrationReport {
-            coordinates: self.coordinates,
-            betas: shaped.shape.clone(),
-            clothing_mm: 1e3 * cloth.iter().sum::<f64>() / cloth.len().max(1) as f64,
-            frames,
-        };
+        let report = summary(self.coordinates, shaped, &self.fitter, frames);
         let path = self.job.out.join(REPORT_FILE);
         let text = serde_json::to_string_pretty(&report).map_err(|error| Error::io(&path)(error.into()))?;
         write_atomically(&path, |writer| writeln!(writer, "{text}"))?;
@@ -63,7 +51,7 @@ impl Working<'_> {
             missing_hands: quality
                 .as_ref()
                 .filter(|_| !is_bad)
-                .map(|quality| self.missing_hands(quality))
+                .map(|quality| quality.missing_hands(self.job.body.skeleton()))
                 .unwrap_or_default(),
             quality,
             landmarks: record.map_or(0, |record| record.landmarks),
@@ -73,22 +61,12 @@ impl Working<'_> {
 
     fn reason(&self, quality: Option<&FrameQuality>) -> String {
         match (quality, self.job.landmarks) {
-            (Some(quality), _) => format!(
-                "{:.0} % of the scan is not covered by the body, {:.0} % of the body is far from the scan",
-                1e2 * quality.uncovered,
-                1e2 * quality.body_far()
-            ),
+            (Some(quality), _) => why(quality),
             (None, Some(_)) => {
                 "no start: too few landmarks of hips, shoulders and neck, and no good frame near it".into()
             }
             (None, None) => "no start: no standing person found by shape alone, and no good frame near it".into(),
         }
-    }
-
-    fn missing_hands(&self, quality: &FrameQuality) -> Vec<String> {
-        let skeleton = self.job.body.skeleton();
-        let hands = skeleton.parts_of(Role::Hands).map(|part| &skeleton.parts[part.index()].name);
-        hands.filter(|name| quality.parts.get(*name).is_some_and(|part| part.far > HAND_FAR)).cloned().collect()
     }
 
     fn write_frame(
@@ -112,7 +90,8 @@ impl Working<'_> {
         let mut pose = record.pose(self.fitter.linkage.extents());
         let skeleton = self.job.body.skeleton();
         for part in missing_hands.iter().filter_map(|name| skeleton.part_named(name)) {
-            for joint in &skeleton.parts[part.index()].joints {
+            let fingers = |joint: &&usize| !skeleton.joints[**joint].ends_with("wrist");
+            for joint in skeleton.parts[part.index()].joints.iter().filter(fingers) {
                 pose.rotations[*joint] = so3::exp(self.fitter.prior.mean(*joint));
             }
         }

@@ -84,7 +84,7 @@ impl LandmarkFiles {
     ///
     /// # Errors
     /// [`Error::Mismatch`] if frames have no names of their own and are not as many as the scans.
-    pub fn of_frame(&self, id: &FrameId, place: usize, count: usize) -> Result<Vec<(&str, DVec3, f64)>> {
+    pub fn of_frame(&self, id: &FrameId, place: usize, count: usize) -> Result<Vec<(String, DVec3, f64)>> {
         let Some(track) = self.tracks.get(&id.sequence).or_else(|| self.tracks.get("")) else { return Ok(Vec::new()) };
         let number = format!("f{:05}", id.number);
         let called = [id.to_string(), format!("{}/{number}", id.sequence), number];
@@ -105,14 +105,10 @@ impl LandmarkFiles {
             }
             None => None,
         };
-        let points = found.map(|frame| track.names.iter().zip(&frame.points)).into_iter().flatten();
-        Ok(points
-            .filter_map(|(name, found)| {
-                Some((name.as_str(), *found))
-                    .filter(|(name, _)| !name.is_empty())
-                    .and_then(|(name, found)| found.map(|(place, confidence)| (name, place, confidence)))
-            })
-            .collect())
+        let named =
+            |(name, found): (&String, &Found)| found.map(|(place, confidence)| (name.clone(), place, confidence));
+        let points = found.into_iter().flat_map(|frame| track.names.iter().zip(&frame.points));
+        Ok(points.filter(|(name, _)| !name.is_empty()).filter_map(named).collect())
     }
 }
 
@@ -147,18 +143,28 @@ fn track_of_folder(folder: &Path) -> Result<Option<Track>> {
 }
 
 fn read_track(path: &Path) -> Result<Track> {
-    let bytes = read_bytes(path)?;
+    match parse_landmarks(path, &read_bytes(path)?)? {
+        Some(track) => Ok(track),
+        None => points::of_arrays(path),
+    }
+}
+
+/// The landmarks of a file's bytes, if they are JSON, TRC or C3D; `path` is what messages name.
+///
+/// # Errors
+/// As [`LandmarkFiles::read`].
+pub fn parse_landmarks(path: &Path, bytes: &[u8]) -> Result<Option<Track>> {
     let is_text_of = |start: &[u8]| bytes.trim_ascii_start().starts_with(start);
-    if c3d::is_c3d(&bytes) {
-        return c3d::parse(&bytes).map_err(|fault| fault.in_file(path, "C3D file"));
-    }
-    if is_text_of(b"PathFileType") {
-        return trc::parse(&bytes).map_err(|fault| fault.in_file(path, "TRC file"));
-    }
-    if is_text_of(b"{") || is_text_of(b"[") {
-        return json::parse(path, &bytes);
-    }
-    points::of_arrays(path)
+    let track = if c3d::is_c3d(bytes) {
+        c3d::parse(bytes).map_err(|fault| fault.in_file(path, "C3D file"))?
+    } else if is_text_of(b"PathFileType") {
+        trc::parse(bytes).map_err(|fault| fault.in_file(path, "TRC file"))?
+    } else if is_text_of(b"{") || is_text_of(b"[") {
+        json::parse(path, bytes)?
+    } else {
+        return Ok(None);
+    };
+    Ok(Some(track))
 }
 
 /// What is in a folder, by name; hidden files are left out.

@@ -14,7 +14,7 @@ mod trc;
 use glam::DVec3;
 
 pub use bones::believed;
-pub use file::{Found, LandmarkFiles, Track, TrackFrame};
+pub use file::{Found, LandmarkFiles, Track, TrackFrame, parse_landmarks};
 pub use sites::{NamedSite, Site, Sites};
 
 /// A place of the body that was seen in one frame.

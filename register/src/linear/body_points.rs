@@ -7,8 +7,7 @@
 use glam::{DMat3, DVec3};
 use xavatar_body::{BodyModel, Correctives};
 
-use super::chain::{Drive, Linkage, PosedChain};
-use super::columns::Unknowns;
+use super::chain::{Basis, Drive, Linkage, PosedChain};
 use super::normal_equations::Row;
 
 /// Correctives smaller than this are not differentiated, metres per unit of their feature.
@@ -157,17 +156,9 @@ impl BodyPoints {
         posed
     }
 
-    /// Adds the derivative of n . v of vertex `index` by the unknowns to a new row.
-    pub fn row(
-        &self,
-        linkage: &Linkage,
-        chain: &PosedChain,
-        posed: &PosedPoints,
-        index: usize,
-        n: DVec3,
-        unknowns: &Unknowns,
-        row: &mut Row,
-    ) {
+    /// Makes `row` the derivative of n . v of vertex `index` by the unknowns; `posed` is of the same frame.
+    pub fn row(&self, basis: Basis<'_>, posed: &PosedPoints, index: usize, n: DVec3, row: &mut Row) {
+        let Basis { linkage, chain, unknowns } = basis;
         row.clear();
         let extents = linkage.extents();
         let point = &self.points[index];

@@ -180,21 +180,35 @@ impl Linkage {
             }
         }
     }
+}
 
-    /// The derivative of n . joint by the unknowns.
-    pub fn joint_row(&self, chain: &PosedChain, joint: usize, n: DVec3, unknowns: &Unknowns, row: &mut Row) {
+/// What derivatives are by, in one frame.
+#[derive(Clone, Copy)]
+pub struct Basis<'a> {
+    /// The skeleton.
+    pub linkage: &'a Linkage,
+    /// Its pose in the frame.
+    pub chain: &'a PosedChain,
+    /// What is solved for.
+    pub unknowns: &'a Unknowns,
+}
+
+impl Basis<'_> {
+    /// Makes `row` the derivative of n . joint by the unknowns.
+    pub fn joint_row(self, joint: usize, n: DVec3, row: &mut Row) {
+        let Self { linkage, chain, unknowns } = self;
         row.clear();
-        let mut above = self.parents[joint];
+        let mut above = linkage.parents[joint];
         while let Some(k) = above {
             let turned = chain.turns[k].transpose() * (chain.positions[joint] - chain.positions[k]).cross(n);
-            turned.to_array().iter().enumerate().for_each(|(axis, value)| {
-                row.push(unknowns, self.extents.turn(k) + axis, *value);
-            });
-            above = self.parents[k];
+            let first = linkage.extents.turn(k);
+            turned.to_array().iter().enumerate().for_each(|(axis, value)| row.push(unknowns, first + axis, *value));
+            above = linkage.parents[k];
         }
-        self.extents.translation().zip(n.to_array()).for_each(|(column, value)| row.push(unknowns, column, value));
+        let translation = linkage.extents.translation().zip(n.to_array());
+        translation.for_each(|(column, value)| row.push(unknowns, column, value));
         for (index, slope) in chain.position_slopes[joint].iter().enumerate() {
-            row.push(unknowns, self.extents.coefficient(index), n.dot(*slope));
+            row.push(unknowns, linkage.extents.coefficient(index), n.dot(*slope));
         }
     }
 }

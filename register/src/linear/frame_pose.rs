@@ -47,19 +47,19 @@ impl FramePose {
         }
     }
 
-    /// Moved by a step in all columns, shortened where it would turn a joint too far; returns its largest turn.
-    pub fn moved(&self, extents: Extents, step: &[f64]) -> (Self, f64) {
+    /// Moved by a step in all columns, shortened where it would turn a joint too far.
+    #[must_use]
+    pub fn moved(&self, extents: Extents, step: &[f64]) -> Self {
         let turns = &step[..3 * extents.joints];
         let largest = turns.iter().fold(0.0_f64, |largest, turn| largest.max(turn.abs()));
         let share = if largest > LARGEST_TURN { LARGEST_TURN / largest } else { 1.0 };
         let turned = |(rotation, turn): (&DMat3, &[f64])| *rotation * so3::exp(DVec3::from_slice(turn) * share);
         let expression = self.expression.iter().zip(&step[extents.expression()]);
-        let moved = Self {
+        Self {
             rotations: self.rotations.iter().zip(turns.chunks_exact(3)).map(turned).collect(),
             translation: self.translation + DVec3::from_slice(&step[extents.translation()]) * share,
             expression: expression.map(|(value, step)| value + step * share).collect(),
-        };
-        (moved, largest)
+        }
     }
 
     /// Whether every number is finite.

@@ -13,7 +13,7 @@ pub mod so3;
 mod tests;
 
 pub use body_points::{BodyPoints, PosedPoints};
-pub use chain::{Linkage, PosedChain};
+pub use chain::{Basis, Linkage, PosedChain};
 pub use columns::{Besides, Extents, Unknowns};
 pub use frame_pose::FramePose;
 pub use normal_equations::{NormalEquations, Row};

@@ -82,10 +82,11 @@ fn every_column_is_that_of_finite_differences() {
             let mut step = vec![0.0; extents.count()];
             step[column] = by;
             let shape: Vec<f64> = shape.iter().zip(&step[extents.shape()]).map(|(value, step)| value + step).collect();
-            heights(&pose.moved(extents, &step).0, &shape)
+            heights(&pose.moved(extents, &step), &shape)
         };
         let chain = linkage.posed(&pose, &shape);
         let posed = points.posed(&linkage, &chain);
+        let basis = Basis { linkage: &linkage, chain: &chain, unknowns: &unknowns };
         let mut row = Row::default();
         let mut rows = Vec::new();
         let mut keep = |row: &Row| {
@@ -94,11 +95,11 @@ fn every_column_is_that_of_finite_differences() {
             rows.push(whole);
         };
         for index in 0..points.len() {
-            points.row(&linkage, &chain, &posed, index, n, &unknowns, &mut row);
+            points.row(basis, &posed, index, n, &mut row);
             keep(&row);
         }
         for joint in &joints {
-            linkage.joint_row(&chain, *joint, n, &unknowns, &mut row);
+            basis.joint_row(*joint, n, &mut row);
             keep(&row);
         }
         for column in 0..extents.count() {

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::robust;
 use crate::landmarks::{Seen, Site, Sites};
-use crate::linear::{Linkage, NormalEquations, PosedChain, Row, Unknowns};
+use crate::linear::{Basis, NormalEquations, Row};
 
 /// How a stage weighs landmarks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,21 +19,13 @@ pub struct LandmarkTerm {
 
 impl LandmarkTerm {
     /// Adds the term to a frame's equations.
-    pub fn add(
-        &self,
-        linkage: &Linkage,
-        sites: &Sites,
-        seen: &[Seen],
-        chain: &PosedChain,
-        unknowns: &Unknowns,
-        equations: &mut NormalEquations,
-    ) {
-        let vertices = sites.vertices().posed(linkage, chain);
+    pub fn add(&self, basis: Basis<'_>, sites: &Sites, seen: &[Seen], equations: &mut NormalEquations) {
+        let vertices = sites.vertices().posed(basis.linkage, basis.chain);
         let mut row = Row::default();
         for Seen { site, place, confidence } in seen {
             let site = sites.site(*site);
             let found = match site.at {
-                Site::Joint(joint) => chain.joint(joint),
+                Site::Joint(joint) => basis.chain.joint(joint),
                 Site::Vertex(vertex) if self.with_vertices => vertices.positions[vertex],
                 Site::Vertex(_) => continue,
             };
@@ -41,10 +33,8 @@ impl LandmarkTerm {
             let weight = confidence * site.weight * robust::weight(way.length(), self.reach) / self.deviation.powi(2);
             for axis in DVec3::AXES {
                 match site.at {
-                    Site::Joint(joint) => linkage.joint_row(chain, joint, axis, unknowns, &mut row),
-                    Site::Vertex(vertex) => {
-                        sites.vertices().row(linkage, chain, &vertices, vertex, axis, unknowns, &mut row);
-                    }
+                    Site::Joint(joint) => basis.joint_row(joint, axis, &mut row),
+                    Site::Vertex(vertex) => sites.vertices().row(basis, &vertices, vertex, axis, &mut row),
                 }
                 equations.add(&row, -axis.dot(way), weight);
             }

@@ -198,7 +198,7 @@ mod tests {
             let cost = |by: f64| {
                 let mut step = vec![0.0; extents.count()];
                 step[column] = by;
-                equations(&pose.moved(extents, &step).0).cost
+                equations(&pose.moved(extents, &step)).cost
             };
             let numeric = (cost(STEP) - cost(-STEP)) / (2.0 * STEP);
             let found = 2.0 * gradient[column - 3];

@@ -7,7 +7,7 @@ use glam::DVec3;
 use xavatar_formats::Result;
 
 use super::robust;
-use crate::linear::{Linkage, NormalEquations, Row, Unknowns};
+use crate::linear::{Basis, Linkage, NormalEquations, Row, Unknowns};
 use crate::surface_model::{PosedSurface, SurfaceModel, TOTAL_WEIGHT};
 use crate::target::{IndexedTarget, OrientedIndex, Seekers};
 
@@ -112,11 +112,10 @@ impl Adder<'_> {
         if weight < NOTHING {
             return;
         }
+        let basis = Basis { linkage: self.body.linkage, chain: &self.posed.chain, unknowns: self.unknowns };
         let mut add = |n: DVec3, weight: f64| {
-            let points = self.body.model.points();
-            let Self { posed, unknowns, row, .. } = self;
-            points.row(self.body.linkage, &posed.chain, &posed.points, vertex, n, unknowns, row);
-            self.equations.add(row, -n.dot(way), weight);
+            self.body.model.points().row(basis, &self.posed.points, vertex, n, &mut self.row);
+            self.equations.add(&self.row, -n.dot(way), weight);
         };
         add(n, weight);
         if self.term.along > 0.0 {

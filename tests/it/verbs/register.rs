@@ -132,16 +132,15 @@ fn what_cannot_be_registered_is_named() {
     let out = folder.path().join("data");
     let landmarks = folder.path().join("few.json");
     fs::write(&landmarks, r#"{"names": ["left_knee"], "frames": {"Take1/f00001": [[0, 500, 0, 1]]}}"#).unwrap();
-    let with =
-        |landmarks: &[&str]| [&["register", text(&scans), "--body", body, "--out", text(&out)], landmarks].concat();
+    let register = ["register", text(&scans), "--body", body, "--out", text(&out)];
     assert_outcome(
-        &with(&["--landmarks", text(&landmarks)]),
+        &[&register[..], &["--landmarks", text(&landmarks)]].concat(),
         1,
         &["none of 4 frames has landmarks of the torso", "give landmarks"],
     );
-    assert_outcome(&with(&[]), 2, &["--landmarks"]);
+    assert_outcome(&register, 2, &["--landmarks"]);
     assert_outcome(
-        &with(&["--geometry-only", "--take", "Take9=test"]),
+        &[&register[..], &["--geometry-only", "--take", "Take9=test"]].concat(),
         1,
         &["the sequence Take9 not found; name one of Take1"],
     );

@@ -87,7 +87,8 @@ fn mended(found: &Solid, samples: &Samples) -> Solid {
             patch.iter().for_each(|index| mended.inside[*index] ^= true);
         }
     }
-    if doubled == BALL { mended } else { cut }
+    // Pieces and handles can add up to the same.
+    if doubled == BALL && mended.is_one_piece() { mended } else { cut }
 }
 
 /// The points that two solids have on different sides, as patches of neighbours.

@@ -14,7 +14,7 @@ fn places(axes: i32) -> impl Iterator<Item = IVec3> {
 }
 
 /// Sides of the lattice's points, in the order x, then y, then z.
-#[derive(Clone)]
+#[derive(Clone, PartialEq)]
 pub(super) struct Solid {
     points: UVec3,
     pub(super) inside: Vec<bool>,
@@ -88,6 +88,13 @@ impl Solid {
             }
         }
         reached
+    }
+
+    /// Whether inside and outside are one piece each.
+    pub(super) fn is_one_piece(&self) -> bool {
+        let mut whole = self.clone();
+        whole.keep_one_piece();
+        whole == *self
     }
 
     /// Leaves the largest 6-connected piece of the inside, and fills what of the outside is not 18-connected with the boundary.
