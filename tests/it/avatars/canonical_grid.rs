@@ -69,8 +69,9 @@ fn what_changes_on_a_coarser_grid_changes_there_and_nowhere_else() {
     for (node, place) in fine.positions().iter().enumerate() {
         let row = &found.weights[node];
         if place.x > 0.27 {
-            let heaviest = row.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
-            assert!(heaviest.0 == head && found.worn[node], "{place}: {row:?}");
+            // The grids interpolate the body's own weights differently: what is left of them is at most as much.
+            let of_head = row.iter().find(|(bone, _)| *bone == head).map_or(0.0, |(_, weight)| *weight);
+            assert!(of_head > 0.49 && found.worn[node], "{place}: {row:?}");
         } else if place.x < 0.13 {
             assert!(*row == own[node] && !found.worn[node], "{place}: {row:?}");
         }
