@@ -104,6 +104,33 @@ fn a_wrong_model_or_pose_is_named() {
     assert!(!ply.exists());
 }
 
+#[test]
+fn a_model_is_mirrored_and_moved_to_another_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = fleshed("tiny_smpl.npz", folder.path());
+    let [mirrored, rest, moved] = ["mirrored.npz", "rest.ply", "moved.npz"].map(|name| folder.path().join(name));
+    assert_outcome(
+        &["body", "convert", text(&file), "--mirror-shapes", "--out", text(&mirrored)],
+        0,
+        &["SMPL, 144 vertices"],
+    );
+    let [before, after] = [&file, &mirrored].map(|file| read_npz(file).unwrap()["shapedirs"].to_f64().unwrap());
+    let columns = before.len() / (3 * 144);
+    let is_mirrored = |at: usize| if at / columns % 3 == 0 { -before[at] } else { before[at] };
+    assert!((0..before.len()).all(|at| after[at] == is_mirrored(at)));
+
+    // Onto its own surface it moves without loss.
+    assert_outcome(&["body", "pose", text(&file), "rest", "--out", text(&rest)], 0, &[]);
+    assert_outcome(
+        &["body", "convert", text(&file), "--to", text(&rest), "--out", text(&moved)],
+        0,
+        &["0.00 mm at most", "joints: within 0.00 mm"],
+    );
+    assert!(folder.path().join("moved_vertex_labels.pkl").is_file());
+    assert_outcome(&["body", "info", text(&moved)], 0, &["SMPL body model", "moved_vertex_labels.pkl"]);
+    assert_outcome(&["body", "convert", text(&file), "--out", "x.npz"], 2, &["--to"]);
+}
+
 /// A family's tiny file with flesh: a little octahedron around each joint, of its tree, recognised as the family.
 fn fleshed(name: &str, folder: &Path) -> PathBuf {
     const RADIUS: f64 = 0.35;
