@@ -249,8 +249,19 @@ fn closest_on_triangle(point: DVec3, [a, b, c]: [DVec3; 3]) -> ([f64; 3], f64) {
         [0.0, 1.0 - share, share]
     } else {
         let sum = va + vb + vc;
-        [va / sum, vb / sum, vc / sum]
+        // Without an area the corners are all that there is.
+        if sum > 0.0 {
+            [va / sum, vb / sum, vc / sum]
+        } else {
+            nearest_corner([a, b, c].map(|corner| corner.distance(point)))
+        }
     };
     let found = a * coordinates[0] + b * coordinates[1] + c * coordinates[2];
     (coordinates, found.distance(point))
+}
+
+fn nearest_corner(distances: [f64; 3]) -> [f64; 3] {
+    let nearest = distances.into_iter().fold(f64::INFINITY, f64::min);
+    let first = distances.iter().position(|distance| *distance == nearest);
+    std::array::from_fn(|corner| f64::from(u8::from(first == Some(corner))))
 }

@@ -45,6 +45,16 @@ fn closest_points_carry_what_is_on_the_surface() {
     assert!(far(&gap, "mean_gap") < 1e-9);
 }
 
+#[test]
+fn faces_without_an_area_are_points_or_edges() {
+    let corners = [DVec3::ZERO, DVec3::X, DVec3::X * 2.0, DVec3::X, DVec3::X];
+    let faces = [[0, 1, 2], [1, 3, 4]];
+    let map = SurfaceMap::new(&[DVec3::new(0.5, 1.0, 0.0), DVec3::new(5.0, 0.0, 0.0)], &corners, &faces, None).unwrap();
+    let flat: Vec<f64> = corners.iter().flat_map(|corner| corner.to_array()).collect();
+    assert!(map.apply(&flat, 3).iter().all(|value| value.is_finite()));
+    assert!(map.corners.iter().all(|(_, coordinates)| (coordinates.iter().sum::<f64>() - 1.0).abs() < 1e-12));
+}
+
 /// A bar of rings with three joints along it, as the arrays of a FLAME-like file have it: five joints.
 fn bar(rings: usize) -> (ArrayMap, TriangleMesh) {
     const SECTORS: usize = 12;

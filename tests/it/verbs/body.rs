@@ -1,11 +1,12 @@
 //! Bodies of every family through the verbs: described, posed, trained on, animated, exported.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
-use xavatar::mesh::{Colouring, read_mesh, write_ply};
+use xavatar::mesh::{Colouring, TriangleMesh, read_mesh, write_ply};
 
 use super::tool::{TINY, assert_outcome, borrowed, data, text};
 
@@ -184,6 +185,24 @@ fn fleshed(name: &str, folder: &Path) -> PathBuf {
     let file = folder.join("body.npz");
     write_npz(&file, &arrays).unwrap();
     file
+}
+
+/// The same surface in four times as many faces: a scan has thousands.
+fn subdivided(mesh: &TriangleMesh) -> TriangleMesh {
+    let mut vertices = mesh.vertices.clone();
+    let mut middles = HashMap::new();
+    let mut middle = |a: u32, b: u32| {
+        *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+            vertices.push((mesh.vertices[a as usize] + mesh.vertices[b as usize]) / 2.0);
+            vertices.len() as u32 - 1
+        })
+    };
+    let mut faces = Vec::new();
+    for [a, b, c] in &mesh.faces {
+        let [ab, bc, ca] = [middle(*a, *b), middle(*b, *c), middle(*c, *a)];
+        faces.extend([[*a, ab, ca], [ab, *b, bc], [ca, bc, *c], [ab, bc, ca]]);
+    }
+    TriangleMesh { vertices, faces, ..TriangleMesh::default() }
 }
 
 /// A subject of three scans of a body a little thicker than the model, with its registrations.
