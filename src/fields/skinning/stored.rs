@@ -119,3 +119,26 @@ fn read_grid(joints: usize, file: &TensorFile, path: &Path) -> Result<VoxelSkinn
     }
     Ok(VoxelSkinning::from_logits(grid, joints, &rows, values(LOGITS)?.to_vec())?)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::smplx;
+    use crate::config::VoxelShape;
+
+    #[test]
+    fn what_is_worn_comes_back_and_a_file_without_it_reads() {
+        let grid = Grid::<f32>::regular([0.0; 3], [1.0; 3], [3, 3, 3]).unwrap();
+        let rows = vec![vec![(0, 1.0)]; grid.len()];
+        let field = VoxelSkinning::new(grid, smplx::skeleton().joints.len(), &rows).unwrap();
+        let worn: Vec<bool> = (0..rows.len()).map(|node| node % 4 == 1).collect();
+        let settings = SkinningSettings::Voxels(VoxelShape { spacing: 0.5, fine_spacing: 0.5 });
+        let mut file = TensorFile::default();
+        Skinning::worn_grid(field, worn.clone()).insert_into(&mut file);
+        let read =
+            |file: &TensorFile| Skinning::stored(&settings, smplx::skeleton(), file, Path::new("avatar")).unwrap();
+        assert_eq!(read(&file).1, worn);
+        file.tensors.remove(WORN);
+        assert!(read(&file).1.is_empty());
+    }
+}

@@ -28,6 +28,8 @@ const MOST_FRAMES: usize = 16;
 const FEWEST_FRAMES: usize = 6;
 /// Places deeper in the body than this keep its weights, metres.
 const DEEPEST: f32 = 0.02;
+/// Places nearer than this to a face keep them too: the body model knows its expressions, metres.
+const NEAR_FACE: f32 = 0.03;
 /// Distance from the body from which a place is asked whether anything is worn there, metres.
 const OFF_BODY: f32 = 0.05;
 /// Something is worn at a place if the subject is this near to it or holds it, metres.
@@ -110,10 +112,16 @@ pub(super) fn fitted_rows(
     let skeleton = body.skeleton();
     let roles: Vec<Role> = skeleton.parts_of_joints().into_iter().map(|part| skeleton.role(part)).collect();
     // Fingers move nothing that is worn elsewhere, and hands are supervised by the body itself.
-    let of_hands = grid.nodes_of(labels, |part| skeleton.role(part) == Role::Hands);
+    let of = |role: Role| grid.nodes_of(labels, |part| skeleton.role(part) == role);
+    let (of_hands, of_face) = (of(Role::Hands), of(Role::Face));
     let distances = grid.distances();
     let places = Places {
-        may_move: distances.iter().zip(&of_hands).map(|(d, hand)| *d > -DEEPEST && !hand).collect(),
+        may_move: (0..distances.len())
+            .map(|place| {
+                let nearest = if of_face[place] { NEAR_FACE } else { -DEEPEST };
+                distances[place] > nearest && !of_hands[place]
+            })
+            .collect(),
         bones: (0..roles.len()).filter(|joint| roles[*joint] != Role::Hands).collect(),
         neighbours: grid.neighbours(),
     };

@@ -103,12 +103,12 @@ fn moved(index: usize, nodes: &[Node], views: &[View], neighbours: &[u32; 6]) ->
     if node.is_seen {
         add_frames(index, node, views, &mut matrix, &mut right);
     }
-    for place in 0..count {
+    for (place, (row, target)) in matrix.iter_mut().zip(&mut right).take(count).enumerate() {
         let around = neighbours.iter().map(|other| nodes[*other as usize].change_of(node.bones[place]));
         let mean = around.sum::<f32>() / neighbours.len() as f32;
         let change = node.weights[place] - node.before[place];
-        matrix[place][place] += SMOOTH + HELD;
-        right[place] += SMOOTH * (mean - change) - HELD * change;
+        row[place] += SMOOTH + HELD;
+        *target += SMOOTH * (mean - change) - HELD * change;
     }
     solve(&mut matrix, &mut right, count);
     let longest = right[..count].iter().fold(0.0_f32, |longest, change| longest.max(change.abs()));
@@ -116,7 +116,7 @@ fn moved(index: usize, nodes: &[Node], views: &[View], neighbours: &[u32; 6]) ->
     let mut weights: Weights =
         node.weights.iter().zip(right).map(|(weight, change)| (weight + factor * change).max(0.0)).collect();
     let sum: f32 = weights.iter().sum();
-    if !(sum > 0.0) {
+    if sum <= 0.0 || sum.is_nan() {
         return node.weights.clone();
     }
     weights.iter_mut().for_each(|weight| *weight /= sum);
@@ -161,12 +161,10 @@ fn add_frames(
     let share = 1.0 / views.len() as f32;
     for (distance, frame) in &frames {
         let weight = share * counts(*distance);
-        for i in 0..count {
-            let slope = frame[i] - slopes[i];
-            right[i] -= weight * slope * (distance - mean);
-            for j in 0..count {
-                matrix[i][j] += weight * slope * (frame[j] - slopes[j]);
-            }
+        let centred: Weights = frame.iter().zip(slopes).take(count).map(|(own, mean)| own - mean).collect();
+        for ((row, target), slope) in matrix.iter_mut().zip(right.iter_mut()).zip(&centred) {
+            *target -= weight * slope * (distance - mean);
+            row.iter_mut().zip(&centred).for_each(|(entry, other)| *entry += weight * slope * other);
         }
     }
 }
@@ -272,9 +270,9 @@ mod tests {
         let known = [[4.0, 1.0, 0.5], [1.0, 3.0, -1.0], [0.5, -1.0, 5.0]];
         let solution = [1.0_f32, -2.0, 0.25];
         let mut right = [0.0; MOST_BONES];
-        for row in 0..3 {
-            matrix[row][..3].copy_from_slice(&known[row]);
-            right[row] = (0..3).map(|column| known[row][column] * solution[column]).sum();
+        for ((row, known), target) in matrix.iter_mut().zip(&known).zip(&mut right) {
+            row[..3].copy_from_slice(known);
+            *target = known.iter().zip(solution).map(|(entry, value)| entry * value).sum();
         }
         solve(&mut matrix, &mut right, 3);
         assert!((0..3).all(|row| (right[row] - solution[row]).abs() < 1e-5), "{right:?}");

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use xavatar::body::{Pose, PoseAxisAngle, smplx};
 use xavatar::config::VoxelShape;
-use xavatar::fields::{BodyPlaces, CanonicalGrid, bone_rows};
+use xavatar::fields::{BodyPlaces, CanonicalGrid, NodeRows, bone_rows};
 use xavatar::synthetic::BuiltInSubject;
 use xavatar_deformer::{Warp, deform};
 
@@ -47,6 +47,34 @@ fn offsets_bring_expression_and_pose_correctives() {
     let shape = VoxelShape { spacing: 0.035, fine_spacing: 0.0125 };
     let (with, without) = (mean_error(shape, true), mean_error(shape, false));
     assert!(with < 0.9 * without, "{with} m with offsets, {without} m without");
+}
+
+#[test]
+fn what_changes_on_a_coarser_grid_changes_there_and_nowhere_else() {
+    let subject = BuiltInSubject::new().unwrap();
+    let (body, labels, betas) = (subject.model(), subject.part_labels(), subject.betas());
+    let grid = |spacing: f32| CanonicalGrid::new(body, labels, betas, VoxelShape { spacing, fine_spacing: spacing });
+    let (coarse, fine) = (grid(0.07).unwrap(), grid(0.05).unwrap());
+    let (before, own) = (coarse.body_rows(body).weights, fine.body_rows(body).weights);
+    let changed = |weights: Vec<Vec<(usize, f32)>>, worn: Vec<bool>| {
+        fine.changed_rows(body, &coarse, &before, &NodeRows { weights, worn })
+    };
+    assert_eq!(changed(before.clone(), Vec::new()).weights, own);
+
+    let head = body.skeleton().joint("head").unwrap();
+    let is_left: Vec<bool> = coarse.positions().iter().map(|place| place.x > 0.2).collect();
+    let moved = before.iter().zip(&is_left);
+    let moved = moved.map(|(row, is_left)| if *is_left { vec![(head, 1.0)] } else { row.clone() }).collect();
+    let found = changed(moved, is_left);
+    for (node, place) in fine.positions().iter().enumerate() {
+        let row = &found.weights[node];
+        if place.x > 0.27 {
+            let heaviest = row.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+            assert!(heaviest.0 == head && found.worn[node], "{place}: {row:?}");
+        } else if place.x < 0.13 {
+            assert!(*row == own[node] && !found.worn[node], "{place}: {row:?}");
+        }
+    }
 }
 
 #[test]
