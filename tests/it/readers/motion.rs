@@ -110,7 +110,8 @@ fn motions_survive_a_round_trip_in_every_hand_convention() {
         assert_eq!(read.frames, written.collect::<Vec<_>>());
         assert_eq!(read.frames_per_second, motion.frames_per_second);
         // What no frame has stays unsaid.
-        let has = |value: fn(&smplx::Parameters) -> &Vec<f32>| motion.frames.iter().any(|frame| !value(frame).is_empty());
+        let has =
+            |value: fn(&smplx::Parameters) -> &Vec<f32>| motion.frames.iter().any(|frame| !value(frame).is_empty());
         let said = [("betas", has(|frame| &frame.betas)), ("expression", has(|frame| &frame.expression))];
         let unsaid: Vec<_> = said.into_iter().filter(|(_, is_said)| !is_said).map(|(name, _)| name).collect();
         assert_eq!(read.zeroed, unsaid);

@@ -1,11 +1,12 @@
 //! Bodies of every family through the verbs: described, posed, trained on, animated, exported.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
-use xavatar::mesh::{Colouring, read_mesh, write_ply};
+use xavatar::mesh::{Colouring, TriangleMesh, read_mesh, write_ply};
 
 use super::tool::{TINY, assert_outcome, borrowed, data, text};
 
@@ -104,6 +105,33 @@ fn a_wrong_model_or_pose_is_named() {
     assert!(!ply.exists());
 }
 
+#[test]
+fn a_model_is_mirrored_and_moved_to_another_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = fleshed("tiny_smpl.npz", folder.path());
+    let [mirrored, rest, moved] = ["mirrored.npz", "rest.ply", "moved.npz"].map(|name| folder.path().join(name));
+    assert_outcome(
+        &["body", "convert", text(&file), "--mirror-shapes", "--out", text(&mirrored)],
+        0,
+        &["SMPL, 144 vertices"],
+    );
+    let [before, after] = [&file, &mirrored].map(|file| read_npz(file).unwrap()["shapedirs"].to_f64().unwrap());
+    let columns = before.len() / (3 * 144);
+    let is_mirrored = |at: usize| if at / columns % 3 == 0 { -before[at] } else { before[at] };
+    assert!((0..before.len()).all(|at| after[at] == is_mirrored(at)));
+
+    // Onto its own surface it moves without loss.
+    assert_outcome(&["body", "pose", text(&file), "rest", "--out", text(&rest)], 0, &[]);
+    assert_outcome(
+        &["body", "convert", text(&file), "--to", text(&rest), "--out", text(&moved)],
+        0,
+        &["0.00 mm at most", "joints: within 0.00 mm"],
+    );
+    assert!(folder.path().join("moved_vertex_labels.pkl").is_file());
+    assert_outcome(&["body", "info", text(&moved)], 0, &["SMPL body model", "moved_vertex_labels.pkl"]);
+    assert_outcome(&["body", "convert", text(&file), "--out", "x.npz"], 2, &["--to"]);
+}
+
 /// A family's tiny file with flesh: a little octahedron around each joint, of its tree, recognised as the family.
 fn fleshed(name: &str, folder: &Path) -> PathBuf {
     const RADIUS: f64 = 0.35;
@@ -157,6 +185,24 @@ fn fleshed(name: &str, folder: &Path) -> PathBuf {
     let file = folder.join("body.npz");
     write_npz(&file, &arrays).unwrap();
     file
+}
+
+/// The same surface in four times as many faces: a scan has thousands.
+fn subdivided(mesh: &TriangleMesh) -> TriangleMesh {
+    let mut vertices = mesh.vertices.clone();
+    let mut middles = HashMap::new();
+    let mut middle = |a: u32, b: u32| {
+        *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+            vertices.push((mesh.vertices[a as usize] + mesh.vertices[b as usize]) / 2.0);
+            vertices.len() as u32 - 1
+        })
+    };
+    let mut faces = Vec::new();
+    for [a, b, c] in &mesh.faces {
+        let [ab, bc, ca] = [middle(*a, *b), middle(*b, *c), middle(*c, *a)];
+        faces.extend([[*a, ab, ca], [ab, *b, bc], [ca, bc, *c], [ab, bc, ca]]);
+    }
+    TriangleMesh { vertices, faces, ..TriangleMesh::default() }
 }
 
 /// A subject of three scans of a body a little thicker than the model, with its registrations.
