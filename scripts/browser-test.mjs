@@ -228,6 +228,16 @@ async function testView(browser) {
     await page.until(`${isFine} && ${apart} < 0.03`, "the field's mesh of the new pose arrives");
     assert.ok((await page.picture()) !== first, "it has the new pose");
     await page.screenshot("view-posed.png", false);
+    // What plays is the skinned mesh: nothing is asked of the fields until it rests.
+    const clock = "document.querySelector('[data-viewer=time]').value";
+    const asked = () => page.requests.filter((request) => request.endsWith("/mesh")).length;
+    const [before, start] = [asked(), await page.evaluate(clock)];
+    await page.evaluate("document.querySelector('[data-viewer=play]').click()");
+    await page.until(`${clock} > Number(${start}) + 0.5 && !${viewer}.shownMesh`, "the skinned mesh plays");
+    assert.equal(asked(), before, "no mesh is asked for while it plays");
+    await page.screenshot("view-playing.png", false);
+    await page.evaluate("document.querySelector('[data-viewer=play]').click()");
+    await page.until(isFine, "the field's mesh of the pose in which it was stopped arrives");
     await page.evaluate("document.querySelector('[data-viewer=field]').click()");
     await page.until(`!${viewer}.shownMesh`, "the skinned mesh is shown again");
     assert.deepEqual(page.errors, [], "nothing in the console");
@@ -254,7 +264,7 @@ try {
   await testReport(browser);
   console.log("report: opens without a network, moves, and says nothing in the console");
   await testView(browser);
-  console.log("view: shows the field's mesh of each pose");
+  console.log("view: plays the skinned mesh, and shows the field's of a pose that rests");
   console.log(`pictures: ${out}`);
 } finally {
   await browser.close();

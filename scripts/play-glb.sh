@@ -6,8 +6,10 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-. scripts/dancer.sh three@0.180.0 "$@"
-cargo run --release --quiet -- export "$avatar" --body "$body" --resolution 128 --quiet --out "$folder/dance.glb"
+. scripts/npm-package.sh three@0.180.0
+. scripts/dancer.sh "$@"
+# Vertices as `animate` has them: a texture would double those on its seams.
+cargo run --release --quiet -- export "$avatar" --body "$body" --resolution 128 --texture 0 --quiet --out "$folder/dance.glb"
 # Twice the clip's rate.
 cargo run --release --quiet -- animate "$avatar" dance --body "$body" --resolution 128 --quiet --fixed-topology --fps 60 \
     --out "$folder/frames"

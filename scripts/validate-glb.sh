@@ -5,7 +5,8 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-. scripts/dancer.sh gltf-validator@2.0.0-dev.3.10 "$@"
+. scripts/npm-package.sh gltf-validator@2.0.0-dev.3.10
+. scripts/dancer.sh "$@"
 
 cat > "$folder/validate.js" << 'SCRIPT'
 const validator = require('gltf-validator');
@@ -31,6 +32,6 @@ validate() {
     cargo run --release --quiet -- export "$avatar" --out "$file" --quiet --resolution 96 "$@"
     node "$folder/validate.js" "$file"
 }
-validate dancing --body "$body"
+validate dancing --body "$body" --texture 0
 validate textured --body "$body" --texture 512 --influences 8
-validate alone
+validate alone --texture 0 --ground

@@ -69,7 +69,7 @@ impl BlendShapes {
     }
 
     /// The directions (K) of (V, 3) numbers; empty where one moves nothing.
-    pub(super) fn directions(&self) -> impl Iterator<Item = &[f32]> {
+    pub fn directions(&self) -> impl Iterator<Item = &[f32]> {
         self.directions.iter().map(Vec::as_slice)
     }
 

@@ -92,6 +92,11 @@ impl BodyModel {
         &self.path
     }
 
+    /// What the model is made of.
+    pub fn anatomy(&self) -> &Anatomy {
+        &self.anatomy
+    }
+
     /// The joints, parts and canonical pose.
     pub fn skeleton(&self) -> &Skeleton {
         &self.anatomy.skeleton

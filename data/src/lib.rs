@@ -30,5 +30,5 @@ pub use rgbd::{
     RgbdFrame, RgbdFrames, RgbdLayout, RgbdSubject, check_rgbd, parse_depth, read_depth, write_depth,
     write_rgbd_subject,
 };
-pub use subject::{FrameFile, FrameFiles, HandZero, Layout, Subject, read_frame};
-pub use xhumans::write_subject;
+pub use subject::{FrameFile, FrameFiles, HandZero, Layout, Scans, Subject, read_frame};
+pub use xhumans::{FrameFolder, write_common, write_subject};

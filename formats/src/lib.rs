@@ -36,6 +36,7 @@ mod picture_file;
 mod remedy;
 mod shown;
 mod tensor_file;
+mod text;
 mod torch;
 
 pub use array::{Array, ArrayData, ArrayMap};
@@ -49,9 +50,12 @@ pub use input_file::{open_file, read_bytes, read_text};
 pub use npy::{npy_bytes, parse_npy, read_npy};
 pub use npz::{parse_npz, read_npz, write_npz};
 pub use output_folder::{FolderLock, create_folder, is_vacant, remove_partial};
-pub use pickle::{Value, parse_pickle, parse_pickle_arrays, read_pickle, read_pickle_arrays, write_pickle};
+pub use pickle::{
+    Value, parse_pickle, parse_pickle_arrays, read_pickle, read_pickle_arrays, write_pickle, write_pickle_array,
+};
 pub use picture_file::{PICTURE_FORMATS, decode_picture, guarded, read_picture, write_picture};
 pub use remedy::{Choice, Remedy};
 pub use shown::{Shown, harmless};
 pub use tensor_file::{NamedTensors, TensorFile};
+pub use text::decode_text;
 pub use torch::{parse_torch, read_torch};

@@ -33,7 +33,7 @@ use image::RgbImage;
 
 pub use closest::{ClosestPoint, SurfaceIndex};
 pub use components::{Component, largest_component};
-pub use extract::{ExtractedSurface, ExtractionError, ExtractionGrid, FINEST_RESOLUTION, Sign, extract};
+pub use extract::{ExtractedSurface, ExtractionError, ExtractionGrid, FINEST_RESOLUTION, Sign, extract, extract_ball};
 pub use notes::{Loss, Note};
 pub use obj::write_obj;
 pub use ply::write_ply;

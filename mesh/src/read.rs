@@ -7,8 +7,7 @@ use super::glb::read_glb;
 use super::notes::Note;
 use super::obj::read_obj;
 use super::ply::read_ply;
-use super::text::decode;
-use xavatar_formats::{Error, Result, read_bytes};
+use xavatar_formats::{Error, Result, decode_text, read_bytes};
 
 /// A mesh that was read, and what of its file is not in it.
 #[derive(Clone, Debug)]
@@ -110,7 +109,7 @@ fn recognise(bytes: &[u8], extension: &str) -> Format {
         ("usdc", Format::Other("a USD file")),
     ];
     // Text may begin with a byte order mark, or be UTF-16.
-    let start = decode(&bytes[..bytes.len().min(4096)]);
+    let start = decode_text(&bytes[..bytes.len().min(4096)]);
     let begins = |signature: &[u8]| bytes.starts_with(signature) || start.as_bytes().starts_with(signature);
     let signature = SIGNATURES.iter().find(|(signature, _)| begins(signature));
     // Scans of one program begin `solid` in their OBJ's name; an OBJ may say anything in its first line.

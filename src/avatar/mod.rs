@@ -22,7 +22,7 @@ use crate::Result;
 use crate::body::{BodyModel, PartLabels, Pose};
 use crate::config::Config;
 use crate::fields::{Condition, FieldEvaluator, Fields, Shade};
-use crate::mesh::{Colouring, Component, ExtractionGrid, Sign, TriangleMesh, extract, largest_component};
+use crate::mesh::{Colouring, Component, ExtractionGrid, Sign, TriangleMesh, extract_ball};
 
 /// An animatable avatar.
 #[derive(Clone, Debug)]
@@ -52,7 +52,8 @@ impl Avatar {
         self.subject.condition()
     }
 
-    /// The canonical surface under the condition of a pose, with `resolution` cells along the longest side.
+    /// The canonical surface under the condition of a pose, with `resolution` cells along the longest side; without handles, as
+    /// [`extract_ball`] has it.
     ///
     /// # Errors
     /// [`Error::NoSurface`](crate::Error::NoSurface) with the range of values seen;
@@ -96,10 +97,11 @@ impl Avatar {
         let evaluator = FieldEvaluator::new(&self.fields, condition);
         let evaluate = |points: &[Vec3], values: &mut [f32]| values.copy_from_slice(&evaluator.values(&arrays(points)));
         let (minimum, maximum) = self.subject.bounds;
-        let mesh = extract(&evaluate, self.grid(minimum, maximum, resolution))?.mesh;
-        let Component { mut mesh, others: dropped_components, .. } = largest_component(&mesh);
+        let surface = extract_ball(&evaluate, self.grid(minimum, maximum, resolution))?;
+        let Component { mut mesh, others: dropped_components, .. } = surface;
         let shades = evaluator.shades(&arrays(&mesh.vertices))?;
         paint(&mut mesh, shades);
+        turn_outward(&mut mesh);
         Ok(Extraction { mesh, dropped_components })
     }
 
@@ -118,6 +120,34 @@ fn paint(mesh: &mut TriangleMesh, shades: Vec<Shade>) {
     mesh.colouring = Colouring::Vertex(shades.into_iter().map(|shade| shade.colour).collect());
 }
 
+/// Gives vertices whose normal looks into the surface that of the faces around them: in folds thinner than a cell and where handles were
+/// mended, the field's gradient belongs to another place, and the vertex would be drawn dark.
+fn turn_outward(mesh: &mut TriangleMesh) {
+    let of_faces = mesh.vertex_normals();
+    for (normal, of_faces) in mesh.normals.iter_mut().flatten().zip(of_faces) {
+        if normal.dot(of_faces) < 0.0 {
+            *normal = of_faces;
+        }
+    }
+}
+
 fn arrays(points: &[Vec3]) -> Vec<[f32; 3]> {
     points.iter().map(Vec3::to_array).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_that_look_inward_are_those_of_the_faces() {
+        let mut mesh = TriangleMesh {
+            vertices: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            faces: vec![[0, 1, 2]],
+            normals: Some(vec![Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.6, 0.0, -0.8), Vec3::Z]),
+            colouring: Colouring::None,
+        };
+        turn_outward(&mut mesh);
+        assert_eq!(mesh.normals.unwrap(), [Vec3::new(0.6, 0.0, 0.8), Vec3::Z, Vec3::Z]);
+    }
 }

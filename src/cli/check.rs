@@ -8,6 +8,7 @@ use xavatar::data::{
     CheckReport, DistanceReport, Finding, RgbdCheckReport, RgbdSubject, SequenceReport, Subject, UnusableFrame, check,
     check_rgbd,
 };
+use xavatar::register::job::score_registration;
 
 use super::Outcome;
 use super::inputs::{SubjectArguments, load_body};
@@ -20,7 +21,8 @@ use super::progress::Progress;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     xavatar check data/00016 --body models/smplx\n  \
-    xavatar check data/anna --body models/smplx --fix\n\n\
+    xavatar check data/anna --body models/smplx --fix\n  \
+    xavatar check data/anna --body models/smplx --registration\n\n\
     Exits with 1 if training would fail: from scans if there are any, else from RGB-D frames.\n\
     Each finding has a name; `xavatar train --accept NAME` trains in spite of it.")]
 pub struct Check {
@@ -30,6 +32,9 @@ pub struct Check {
     /// applies as it reads the scans, and check again. No file of the data is changed
     #[arg(long)]
     fix: bool,
+    /// Score the registrations instead: how far each body lies from its scan, clothes counted, part by part, the worst frames first
+    #[arg(long, conflicts_with = "fix")]
+    registration: bool,
     #[command(flatten)]
     json: JsonArgument,
 }
@@ -46,6 +51,9 @@ struct Report {
 impl Check {
     pub fn run(self) -> anyhow::Result<Outcome> {
         self.json.check()?;
+        if self.registration {
+            return self.score_registration();
+        }
         let has_pictures = RgbdSubject::is_in(&self.subject.data);
         let has_scans = || Subject::open(&self.subject.data).is_ok_and(|subject| subject.has_scans());
         let scans = if !has_pictures || has_scans() { Some(self.check_scans()?) } else { None };
@@ -55,6 +63,16 @@ impl Check {
         };
         let rgbd = if has_pictures { Some(self.check_rgbd()?) } else { None };
         let report = Report { scans, rgbd };
+        self.json.print(&report, &report)?;
+        Ok(if report.is_fit() { Outcome::Done } else { Outcome::Unfit })
+    }
+
+    fn score_registration(&self) -> anyhow::Result<Outcome> {
+        let opened = self.subject.open()?;
+        let mut progress = Progress::new();
+        let mut observe = |phase, share, message: &str| progress.show(phase, share, message);
+        let report = score_registration(&opened.subject, &opened.body, &opened.labels, &mut observe)?;
+        progress.finish();
         self.json.print(&report, &report)?;
         Ok(if report.is_fit() { Outcome::Done } else { Outcome::Unfit })
     }

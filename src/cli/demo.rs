@@ -195,6 +195,7 @@ impl Demo {
             body: subject.model(),
             labels: subject.part_labels(),
             baseline: Some(&baseline),
+            regions: false,
             samples: size.samples,
             seed: 0,
         };

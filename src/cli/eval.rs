@@ -31,6 +31,9 @@ pub struct Eval {
     /// Measure a baseline on the same frames, learned from the training frames
     #[arg(long, value_enum)]
     baseline: Option<Baseline>,
+    /// Tell feet, legs, torso, arms, head, hands, face and what is farther than 3 cm from the body apart
+    #[arg(long)]
+    regions: bool,
     /// Cells along the longest side of the box around the body; with 256, the cells themselves add to the error of face and hands
     #[arg(long, value_name = "R", default_value_t = 512, value_parser = super::extract::resolution)]
     resolution: usize,
@@ -69,6 +72,7 @@ impl Eval {
             body: &opened.body,
             labels: &opened.labels,
             baseline: baseline.as_ref(),
+            regions: self.regions,
             samples: Evaluation::SAMPLES,
             seed: 0,
         };

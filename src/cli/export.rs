@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 use xavatar::avatar::{Avatar, Extraction};
 use xavatar::body::BodyModel;
-use xavatar::export::{RigReport, Rigging, TextureReport, bake_texture, write_glb};
+use xavatar::export::{RigReport, Rigging, TextureReport, bake_texture, ground_mesh, write_glb};
 use xavatar::mesh::{TriangleMesh, write_obj, write_ply};
 use xavatar::synthetic::DANCE;
 
@@ -18,14 +18,16 @@ use super::{Outcome, outputs, wrong_usage};
 
 /// Largest image that every program of today opens.
 const LARGEST_TEXTURE: u32 = 8192;
-/// Of OBJ files, which have no vertex colours that all programs know.
+/// Least that shows anything.
+const SMALLEST_TEXTURE: u32 = 64;
+/// Of OBJ and GLB files, whose vertex colours many programs do not show.
 const USUAL_TEXTURE: u32 = 2048;
 
 /// Write an avatar for other programs: rigged and animated (GLB), or as a textured mesh (OBJ, PLY)
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     xavatar export runs/00016 --body models/smplx --out dancer.glb\n  \
-    xavatar export runs/00016 --body models/smplx --motion walk.npz --texture 2048 --out walker.glb\n  \
+    xavatar export runs/00016 --body models/smplx --motion walk.npz --ground --out walker.glb\n  \
     xavatar export runs/00016 --format obj --out avatar.obj\n\n\
     docs/export.md says what the files carry and how to open them.")]
 pub struct Export {
@@ -47,8 +49,8 @@ pub struct Export {
     /// Cells along the longest side of the box around the body
     #[arg(long, value_name = "R", default_value_t = 256, value_parser = super::extract::resolution)]
     resolution: usize,
-    /// Bake the colours into a texture of this size, instead of one a vertex [default for OBJ: 2048]
-    #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(64..=LARGEST_TEXTURE as i64))]
+    /// Bake the colours into a texture of this size; 0 for one colour a vertex [default: 2048, for PLY 0]
+    #[arg(long, value_name = "TEXELS", value_parser = texture)]
     texture: Option<u32>,
     /// GLB: joints that hold a vertex: 4, which every program reads, or 8
     #[arg(long, value_name = "K", default_value_t = 4, value_parser = influences)]
@@ -81,7 +83,8 @@ impl Export {
                 "--motion and --body are for GLB; `xavatar animate` writes a motion as one OBJ or PLY a frame"
             );
         }
-        let texture = self.texture.or((format == Format::Obj).then_some(USUAL_TEXTURE));
+        let usual = if format == Format::Ply { 0 } else { USUAL_TEXTURE };
+        let texture = Some(self.texture.unwrap_or(usual)).filter(|texels| *texels > 0);
         for file in format.files(&self.out, texture.is_some()) {
             outputs::new_file(&file)?;
         }
@@ -118,6 +121,10 @@ impl Export {
             }
             None => None,
         };
+        // After the baking, which asks the fields at the vertices.
+        if self.options.is_grounded() {
+            rigged.ground_bind_pose();
+        }
         write_glb(&self.out, &rigged)?;
         progress.finish();
         say_dropped(report.dropped_components);
@@ -151,6 +158,9 @@ impl Export {
             }
             None => None,
         };
+        if self.options.is_grounded() {
+            ground_mesh(&mut mesh);
+        }
         match format {
             Format::Obj => write_obj(&self.out, &mesh)?,
             Format::Ply | Format::Glb => write_ply(&self.out, &mesh)?,
@@ -242,4 +252,10 @@ fn say_dropped(components: usize) {
 
 fn influences(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|count| [4, 8].contains(count)).ok_or_else(|| "expected 4 or 8".into())
+}
+
+fn texture(text: &str) -> Result<u32, String> {
+    let is_possible = |texels: &u32| *texels == 0 || (SMALLEST_TEXTURE..=LARGEST_TEXTURE).contains(texels);
+    let expected = || format!("expected {SMALLEST_TEXTURE} to {LARGEST_TEXTURE}, or 0 for none");
+    text.parse().ok().filter(is_possible).ok_or_else(expected)
 }

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::outputs;
 
 /// Where a verb's result goes as JSON.
-#[derive(clap::Args)]
+#[derive(Default, clap::Args)]
 pub struct JsonArgument {
     /// Write what is printed as JSON to FILE, too; `-` prints it instead
     #[arg(long, value_name = "FILE")]

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use xavatar::avatar::Avatar;
 use xavatar::body::BodyModel;
 use xavatar::data::{Coordinates, HandConvention, MotionOptions, PosedClip, RestPose, Translation, UpAxis, Warning};
+use xavatar::export::ground_motion;
 use xavatar::formats::read_text;
 use xavatar::synthetic::load_poses;
 
@@ -42,6 +43,10 @@ pub struct MotionArguments {
     /// What becomes of the path through the world
     #[arg(long, value_enum, default_value_t = Travel::Keep)]
     translation: Travel,
+    /// Move the motion up or down as a whole, so that the figure's lowest place in it is on the floor, y = 0
+    #[arg(long)]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    ground: bool,
     /// For BVH: a TOML file with lines such as "Hips" = "pelvis", where bones have names that are not known
     #[arg(long, value_name = "FILE", alias = "bone-map")]
     bones: Option<PathBuf>,
@@ -91,12 +96,22 @@ enum Travel {
 struct FrameRange(usize, Option<usize>);
 
 impl MotionArguments {
-    /// Reads a motion for an avatar, posed by `body` where there is one, and tells what was detected, declared and changed.
+    /// Reads a motion for an avatar, posed by `body` where there is one, on the floor if that is wanted; and tells what was detected,
+    /// declared and changed.
     pub fn load(&self, motion: &Path, avatar: &Avatar, body: Option<&BodyModel>) -> anyhow::Result<PosedClip> {
-        let clip = load_poses(motion, &self.options(avatar)?, &avatar.subject.skeleton, body)?;
+        let mut clip = load_poses(motion, &self.options(avatar)?, &avatar.subject.skeleton, body)?;
         clip.report.iter().for_each(|line| log::info!("{line}"));
         warn(&clip.warnings);
+        if self.ground {
+            let lift = ground_motion(avatar, body, &mut clip.poses)?;
+            log::info!("ground: the motion is moved up by {lift:.3} m");
+        }
         Ok(clip)
+    }
+
+    /// Whether figures stand on the floor.
+    pub fn is_grounded(&self) -> bool {
+        self.ground
     }
 
     /// Frames a second that are wanted.

@@ -10,10 +10,14 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_secs(1);
 
 static STOP: AtomicBool = AtomicBool::new(false);
+static IS_WATCHED: AtomicBool = AtomicBool::new(false);
 static IS_TRAINING: AtomicBool = AtomicBool::new(false);
 
 /// The flag that Ctrl-C (or a polite kill) sets from now on.
 pub fn on_interrupt() -> anyhow::Result<&'static AtomicBool> {
+    if IS_WATCHED.swap(true, Ordering::SeqCst) {
+        return Ok(&STOP);
+    }
     ctrlc::set_handler(|| {
         if STOP.swap(true, Ordering::SeqCst) {
             std::process::exit(super::EXIT_FAILED.into());

@@ -11,6 +11,7 @@ use xavatar::runs::{Ending, Run};
 use super::captured::{Captured, Kind};
 use super::inputs::{AcceptArguments, SubjectArguments};
 use super::progress::Progress;
+use super::register::registered_first;
 use super::training::TrainingArguments;
 use super::{Outcome, WrongUsage, outputs, report, stop, wrong_usage};
 
@@ -41,7 +42,7 @@ pub struct Train {
 }
 
 impl Train {
-    pub fn run(self) -> anyhow::Result<Outcome> {
+    pub fn run(mut self) -> anyhow::Result<Outcome> {
         let (config, kind) = if self.resume {
             let config = self.configuration_of_run()?;
             let kind = Kind::of_run(&config);
@@ -50,6 +51,12 @@ impl Train {
             let kind = Kind::of(&self.subject, self.from);
             (self.new_configuration(kind)?, kind)
         };
+        if kind == Kind::Scans {
+            match registered_first(&self.subject.data, &self.subject.body, &self.out)? {
+                Some(data) => self.subject.data = data,
+                None => return Ok(Outcome::Stopped),
+            }
+        }
         let opened = Captured::open(&self.subject, kind)?;
         let stop = stop::on_interrupt()?;
         let mut progress = Progress::new();

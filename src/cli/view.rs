@@ -16,8 +16,8 @@ use super::{Outcome, outputs, report};
     xavatar view runs/demo\n  \
     xavatar view runs/00016 --body models/smplx\n  \
     xavatar view avatar.safetensors --body models/smplx --motion walk.bvh --port 9000\n\n\
-    The page has sliders for joints, jaw and expressions. With a body model every pose's surface comes from the avatar's own\n\
-    fields, as fast as the machine makes it; without one a skinned mesh moves alone. Ctrl-C ends it, twice without waiting for the frame under way.")]
+    The page has sliders for joints, jaw and expressions. A skinned mesh moves; with a body model the surface of a pose\n\
+    that rests comes from the avatar's own fields. Ctrl-C ends it, twice without waiting for the frame under way.")]
 pub struct View {
     /// An avatar.safetensors or a run's folder
     #[arg(value_name = "AVATAR")]
@@ -56,7 +56,7 @@ impl View {
             None => None,
         };
         let lead = match animator {
-            Some(_) => "Each pose is sent to the avatar's fields, and what you see is the surface they have for it.",
+            Some(_) => "In motion a skinned mesh; at rest the surface that the avatar's fields have for the pose.",
             None => "Skinned in the browser. Start with --body to see the field's own surface in every pose.",
         };
         let site = Site::new(report::title(&self.avatar), lead.into(), &rig, animator.as_ref())?;

@@ -153,7 +153,10 @@ fn summarise(
     overlap: Overlap,
     boxes: &[[BoundingBox; 2]],
 ) -> Option<PartMetrics> {
-    let [a, b] = both(measurements, |side| OneSided::of(side.iter().filter(|sample| belongs(sample.part))))?;
+    let [a, b] = both(measurements, |side| {
+        let own = side.iter().filter(|sample| belongs(sample.part));
+        OneSided::of(own.map(|sample| (sample.distance, sample.cosine)))
+    })?;
     let box_ratios: f64 = boxes.iter().map(|[a, b]| a.overlap(*b).ratio()).sum::<Option<f64>>()?;
     Some(PartMetrics {
         cd_mm: (a.mean + b.mean) / 2.0 * MILLIMETRES,
@@ -164,27 +167,30 @@ fn summarise(
     })
 }
 
-/// What the samples of one surface sum up to.
-struct OneSided {
+/// What some samples of one surface sum up to.
+pub(super) struct OneSided {
+    /// How many they are.
+    pub count: u32,
     /// Mean distance, metres.
-    mean: f64,
+    pub mean: f64,
     /// Largest distance, metres.
-    maximum: f64,
+    pub maximum: f64,
     /// Mean |cos|.
-    cosine: f64,
+    pub cosine: f64,
 }
 
 impl OneSided {
-    fn of<'a>(measurements: impl Iterator<Item = &'a Measurement>) -> Option<Self> {
+    /// Of their distances and |cos|; none of no sample.
+    pub fn of(samples: impl Iterator<Item = (f32, f32)>) -> Option<Self> {
         let (mut count, mut distances, mut maximum, mut cosines) = (0_u32, 0.0, 0.0_f64, 0.0);
-        for measurement in measurements {
+        for (distance, cosine) in samples {
             count += 1;
-            distances += f64::from(measurement.distance);
-            maximum = maximum.max(f64::from(measurement.distance));
-            cosines += f64::from(measurement.cosine);
+            distances += f64::from(distance);
+            maximum = maximum.max(f64::from(distance));
+            cosines += f64::from(cosine);
         }
         let total = f64::from(count);
-        (count > 0).then(|| Self { mean: distances / total, maximum, cosine: cosines / total })
+        (count > 0).then(|| Self { count, mean: distances / total, maximum, cosine: cosines / total })
     }
 }
 

@@ -4,18 +4,20 @@
 
 mod metrics;
 mod overlap;
+mod regions;
 mod report;
 mod smplx_d;
 
 pub use metrics::{FrameMetrics, PartMetrics, Parts, compare};
-pub(crate) use report::row_name;
+pub use regions::{RegionMetrics, Regions, RegisteredRegions, compare_regions};
 pub use report::{FrameReport, Report};
+pub(crate) use report::{region_name, row_name};
 pub use smplx_d::{SMPLX_D, SmplxD};
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::body::{BodyModel, PartLabels, Pose, Registration};
+use crate::body::{BodyModel, PartLabels, Pose, Region, Registration};
 use crate::data::ScanFrame;
 use crate::mesh::TriangleMesh;
 use crate::{Error, InputError, Result};
@@ -28,6 +30,8 @@ pub struct Evaluation<'a> {
     pub labels: &'a PartLabels,
     /// A baseline to measure beside the prediction.
     pub baseline: Option<&'a SmplxD<'a>>,
+    /// Whether each region of the body is measured too.
+    pub regions: bool,
     /// Points drawn on each surface and in each box; [`Evaluation::SAMPLES`] is enough for 1 % of the chamfer distance.
     pub samples: usize,
     /// Of the points.
@@ -49,11 +53,13 @@ impl Evaluation<'_> {
         mut progress: impl FnMut(&FrameReport),
     ) -> Result<Report> {
         let mut report = Report::default();
+        let regions = self.regions.then(|| Region::of_vertices(self.body, self.labels));
         for frame in frames {
             let frame = frame?;
             let place = report.per_frame.len() as u64;
-            let measured =
-                self.measure(&frame, place, &predict).map_err(|error| error.in_frame(frame.id.to_string()))?;
+            let measured = self
+                .measure(&frame, place, regions.as_deref(), &predict)
+                .map_err(|error| error.in_frame(frame.id.to_string()))?;
             progress(&measured);
             report.per_frame.push(measured);
         }
@@ -71,17 +77,28 @@ impl Evaluation<'_> {
         &self,
         frame: &ScanFrame,
         place: u64,
+        regions: Option<&[Region]>,
         predict: impl Fn(&ScanFrame, &Pose) -> Result<TriangleMesh>,
     ) -> Result<FrameReport> {
         let pose = self.body.resolve(&frame.parameters)?;
-        let registration = Registration::new(&self.body.pose(&pose)?.vertices, self.labels)?;
-        // The prediction and the baseline meet the same random numbers.
-        let compare = |mesh: &TriangleMesh| {
+        let posed = self.body.pose(&pose)?.vertices;
+        let registration = Registration::new(&posed, self.labels)?;
+        // All comparisons meet the same random numbers.
+        let random = || {
             let mut random = ChaCha8Rng::seed_from_u64(self.seed);
             random.set_stream(place);
-            compare(mesh, &frame.scan, &registration, self.body.skeleton(), self.samples, &mut random)
+            random
+        };
+        let compare = |mesh: &TriangleMesh| {
+            compare(mesh, &frame.scan, &registration, self.body.skeleton(), self.samples, &mut random())
         };
         let baseline = self.baseline.map(|baseline| compare(&baseline.pose(&pose)?)).transpose()?;
-        Ok(FrameReport { frame: frame.id.to_string(), metrics: compare(&predict(frame, &pose)?)?, baseline })
+        let predicted = predict(frame, &pose)?;
+        let by_region = |of_vertices: &[Region]| {
+            let registered = RegisteredRegions::new(&registration, &self.body.mesh(posed.clone()), of_vertices)?;
+            compare_regions(&predicted, &frame.scan, &registered, self.samples, &mut random())
+        };
+        let regions = regions.map(by_region).transpose()?;
+        Ok(FrameReport { frame: frame.id.to_string(), metrics: compare(&predicted)?, baseline, regions })
     }
 }

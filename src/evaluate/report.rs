@@ -7,8 +7,9 @@ use std::fmt;
 use serde::ser::{Serialize, Serializer};
 
 use super::metrics::{FrameMetrics, PartMetrics, Parts};
+use super::regions::{RegionMetrics, Regions};
 use super::smplx_d::SMPLX_D;
-use crate::body::Role;
+use crate::body::{Region, Role};
 
 /// The metrics of one frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,12 +20,15 @@ pub struct FrameReport {
     pub metrics: FrameMetrics,
     /// Of the baseline, if one was asked for.
     pub baseline: Option<FrameMetrics>,
+    /// Of the prediction by region, if they were asked for.
+    pub regions: Option<Regions>,
 }
 
 /// The metrics of all frames. `Display` prints the table; serde writes
 /// `{"frames", "mean": {"all", "hands", "face"}, "baseline": {…}, "per_frame": [{"frame", "all", "hands", "face"}]}`, where a part
 /// is `null` if no frame had it and absent if the skeleton has none such, `baseline` is absent if none was asked for, and
-/// `"missing": {"all", "hands", "face"}` counts the frames without a part if there are any.
+/// `"missing": {"all", "hands", "face"}` counts the frames without a part if there are any. `"regions": {"feet", ..., "off_body"}`,
+/// of the mean and in each frame, is there if it was asked for; a region that neither surface has is absent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
     /// Frame by frame, in the order of evaluation.
@@ -41,6 +45,12 @@ impl Report {
     pub fn baseline_mean(&self) -> Option<FrameMetrics> {
         let measured: Vec<_> = self.per_frame.iter().filter_map(|frame| frame.baseline.as_ref()).collect();
         (!measured.is_empty()).then(|| mean(measured.into_iter()))
+    }
+
+    /// The mean of each region over the frames that have it; none if they were not asked for.
+    pub fn region_means(&self) -> Option<Regions> {
+        let frames = || self.per_frame.iter().filter_map(|frame| frame.regions.as_ref());
+        frames().next().is_some().then(|| RegionMetrics::means(frames()))
     }
 
     /// The frames with the smallest and the largest chamfer distance of the whole body; none if none has one.
@@ -84,6 +94,20 @@ pub(crate) fn row_name(role: Role) -> &'static str {
     }
 }
 
+/// The name of a region's row.
+pub(crate) fn region_name(region: Region) -> &'static str {
+    match region {
+        Region::Feet => "Feet",
+        Region::Legs => "Legs",
+        Region::Torso => "Torso",
+        Region::Arms => "Arms",
+        Region::Head => "Head",
+        Region::Hands => "Hands",
+        Region::Face => "Face",
+        Region::OffBody => "Off body",
+    }
+}
+
 impl PartMetrics {
     /// The mean of each value; none of nothing.
     fn mean(metrics: impl Iterator<Item = Self> + Clone) -> Option<Self> {
@@ -122,6 +146,11 @@ impl fmt::Display for Report {
                 writeln!(formatter, "       not measurable in {missing} of {frames}, left out of the mean")?;
             }
         }
+        for (region, metrics) in self.region_means().into_iter().flatten() {
+            let RegionMetrics { cd_mm, cd_max_mm, nc, share } = metrics;
+            let (name, percent) = (region_name(region), format!("{:.0} %", 100.0 * share));
+            writeln!(formatter, "{name:<9} {percent:>6} {cd_mm:>8.2} {cd_max_mm:>10.2} {nc:>6.3} {0:>6} {0:>8}", "-")?;
+        }
         Ok(())
     }
 }
@@ -146,6 +175,8 @@ impl Serialize for Report {
             baseline: Option<FrameMetrics>,
             #[serde(skip_serializing_if = "Option::is_none")]
             missing: Option<Parts<usize>>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            regions: Option<Regions>,
             per_frame: Vec<Frame<'a>>,
         }
         #[derive(serde::Serialize)]
@@ -153,6 +184,8 @@ impl Serialize for Report {
             frame: &'a str,
             #[serde(flatten)]
             metrics: &'a FrameMetrics,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            regions: Option<&'a Regions>,
         }
         let missing = self.missing();
         let is_missing = missing.all > 0 || missing.by_role.values().any(|count| *count > 0);
@@ -161,7 +194,12 @@ impl Serialize for Report {
             mean: self.mean(),
             baseline: self.baseline_mean(),
             missing: is_missing.then_some(missing),
-            per_frame: self.per_frame.iter().map(|row| Frame { frame: &row.frame, metrics: &row.metrics }).collect(),
+            regions: self.region_means(),
+            per_frame: self
+                .per_frame
+                .iter()
+                .map(|row| Frame { frame: &row.frame, metrics: &row.metrics, regions: row.regions.as_ref() })
+                .collect(),
         }
         .serialize(serializer)
     }
@@ -185,6 +223,7 @@ mod tests {
             frame: format!("test/Take1/f{number:05}"),
             metrics: parts(part(f64::from(number)), hands, None),
             baseline: baseline.clone(),
+            regions: None,
         };
         Report { per_frame: vec![frame(1, part(4.0)), frame(2, None), frame(3, part(6.0))] }
     }
@@ -228,7 +267,8 @@ mod tests {
     #[test]
     fn a_body_without_hands_and_face_has_no_rows_of_them() {
         let metrics = Parts { all: part(1.0), by_role: Default::default() };
-        let report = Report { per_frame: vec![FrameReport { frame: "a".into(), metrics, baseline: None }] };
+        let report =
+            Report { per_frame: vec![FrameReport { frame: "a".into(), metrics, baseline: None, regions: None }] };
         assert_eq!(report.to_string().lines().count(), 2, "a head and one row\n{report}");
         let json = serde_json::to_value(&report).unwrap();
         assert_eq!(json["mean"].as_object().unwrap().keys().collect::<Vec<_>>(), ["all"]);
@@ -243,10 +283,31 @@ mod tests {
     }
 
     #[test]
+    fn regions_are_told_where_they_were_asked_for() {
+        let region = |cd_mm: f64| RegionMetrics { cd_mm, cd_max_mm: 9.0, nc: 0.5, share: 0.25 };
+        let mut report = report(false);
+        report.per_frame[0].regions = Some([(Region::Feet, region(2.0)), (Region::OffBody, region(7.0))].into());
+        report.per_frame[1].regions = Some([(Region::Feet, region(4.0))].into());
+        let means = report.region_means().unwrap();
+        assert_eq!(means, [(Region::Feet, region(3.0)), (Region::OffBody, region(7.0))].into());
+        let json = serde_json::to_value(&report).unwrap();
+        assert_eq!(json["regions"]["off_body"]["cd_mm"], 7.0);
+        assert_eq!(json["per_frame"][1]["regions"]["feet"]["cd_mm"], 4.0);
+        assert!(json["per_frame"][2].get("regions").is_none(), "asked for in two frames");
+    }
+
+    #[test]
     fn the_table_stands_in_columns() {
-        let table = report(true).to_string();
+        let mut report = report(true);
+        let region = RegionMetrics { cd_mm: 1.0, cd_max_mm: 9.0, nc: 0.5, share: 1.0 };
+        report.per_frame[0].regions = Some([(Region::OffBody, region)].into());
+        let table = report.to_string();
         let rows: Vec<&str> = table.lines().filter(|line| !line.contains("left out")).collect();
-        assert_eq!(rows.len(), 7, "a head, and a row each for three parts of the avatar and the baseline\n{table}");
+        assert_eq!(
+            rows.len(),
+            8,
+            "a head, a row each for three parts of the avatar and the baseline, a region\n{table}"
+        );
         assert!(rows.iter().all(|row| row.chars().count() == rows[0].chars().count()), "{table}");
         assert!(table.contains("not measurable in 1 of 3 frames"), "{table}");
     }

@@ -8,6 +8,7 @@ mod bake;
 mod correctives;
 mod expressions;
 mod glb;
+mod ground;
 mod influences;
 mod reference;
 mod report;
@@ -18,6 +19,7 @@ mod unwrap;
 
 pub use bake::{Baked, TextureReport, bake_texture};
 pub use glb::write_glb;
+pub use ground::{ground_mesh, ground_motion};
 pub use report::{Deviation, RigReport};
 pub use rig::{Animation, Joint, Morph, RiggedMesh};
 pub use rigging::Rigging;

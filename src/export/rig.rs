@@ -80,6 +80,14 @@ pub struct Animation {
     pub morph_weights: Vec<f32>,
 }
 
+impl Morph {
+    /// Whether it is that of an expression coefficient.
+    #[must_use]
+    pub fn is_expression(&self) -> bool {
+        self.name.starts_with("expression_")
+    }
+}
+
 impl Animation {
     /// T.
     #[must_use]

@@ -208,7 +208,7 @@ impl<'a> Builder<'a> {
 }
 
 impl Morph {
-    fn new(name: String, mut offsets: Vec<Vec3>) -> Self {
+    pub(super) fn new(name: String, mut offsets: Vec<Vec3>) -> Self {
         let negligible = offsets.iter_mut().filter(|offset| offset.length_squared() < NEGLIGIBLE * NEGLIGIBLE);
         negligible.for_each(|offset| *offset = Vec3::ZERO);
         Self { name, offsets }

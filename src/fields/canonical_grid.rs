@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use xavatar_deformer::{Axis, Grid, StartGroups, VoxelSkinning};
 
 use crate::Result;
-use crate::body::{BodyModel, PartLabels, Role};
+use crate::body::{BodyModel, Part, PartLabels, Role};
 use crate::config::VoxelShape;
 use crate::mesh::SolidIndex;
 
@@ -51,6 +51,15 @@ impl BodyPlaces {
     }
 }
 
+/// What the nodes of a grid hang on (R each).
+#[derive(Clone, Debug, Default)]
+pub struct NodeRows {
+    /// Bones with their weights, which sum to one.
+    pub weights: Vec<Vec<(usize, f32)>>,
+    /// Whether something worn is there, however far from the body; empty if that is not known.
+    pub worn: Vec<bool>,
+}
+
 /// The grid and its nodes' places on the canonical body.
 #[derive(Debug)]
 pub struct CanonicalGrid {
@@ -91,6 +100,20 @@ impl CanonicalGrid {
     /// # Errors
     /// If a place has no weights.
     pub fn skinning(&self, body: &BodyModel) -> Result<VoxelSkinning<f32>> {
+        self.skinning_of(body, &self.body_rows(body))
+    }
+
+    /// A skinning field on the grid that starts from these rows.
+    ///
+    /// # Errors
+    /// If there is not a row a node, or one has no weights.
+    pub fn skinning_of(&self, body: &BodyModel, rows: &NodeRows) -> Result<VoxelSkinning<f32>> {
+        Ok(VoxelSkinning::new(self.grid.clone(), body.skeleton().joints.len(), &rows.weights)?)
+    }
+
+    /// The body model's weights at the nodes' places.
+    #[must_use]
+    pub fn body_rows(&self, body: &BodyModel) -> NodeRows {
         let (weights, joints) = (body.skinning_weights(), body.skeleton().joints.len());
         let row = |(corners, shares): &([u32; 3], [f32; 3])| {
             let at = |joint: usize| {
@@ -99,17 +122,93 @@ impl CanonicalGrid {
             };
             (0..joints).map(|joint| (joint, at(joint))).filter(|(_, weight)| *weight > LEAST_WEIGHT).collect()
         };
-        let rows: Vec<Vec<(usize, f32)>> = self.places.places.par_iter().map(row).collect();
-        Ok(VoxelSkinning::new(self.grid.clone(), joints, &rows)?)
+        NodeRows { weights: self.places.places.par_iter().map(row).collect(), worn: Vec::new() }
     }
 
-    /// Lets searches in `skinning` skip starts that can reach no cell near or inside the body.
+    /// The body model's weights changed as those of `coarse`, another grid around the same body, were changed from `before`.
+    #[must_use]
+    pub fn changed_rows(
+        &self,
+        body: &BodyModel,
+        coarse: &Self,
+        before: &[Vec<(usize, f32)>],
+        after: &NodeRows,
+    ) -> NodeRows {
+        let mut rows = self.body_rows(body);
+        let is_changed: Vec<bool> = before.iter().zip(&after.weights).map(|(before, after)| before != after).collect();
+        rows.weights.par_iter_mut().enumerate().with_min_len(256).for_each(|(node, row)| {
+            let corners = coarse.grid.corner_shares(self.grid.position(node));
+            if corners.iter().all(|(corner, _)| !is_changed[*corner]) {
+                return;
+            }
+            let mut add = |bone: usize, weight: f32| match row.iter_mut().find(|(own, _)| *own == bone) {
+                Some((_, sum)) => *sum += weight,
+                None => row.push((bone, weight)),
+            };
+            for (corner, share) in corners {
+                after.weights[corner].iter().for_each(|(bone, weight)| add(*bone, share * weight));
+                before[corner].iter().for_each(|(bone, weight)| add(*bone, -share * weight));
+            }
+            row.iter_mut().for_each(|(_, weight)| *weight = weight.max(0.0));
+            let sum: f32 = row.iter().map(|(_, weight)| weight).sum();
+            row.iter_mut().for_each(|(_, weight)| *weight /= sum);
+            row.retain(|(_, weight)| *weight > LEAST_WEIGHT);
+        });
+        let worn = |node: usize| coarse.is_worn_at(&after.worn, Vec3::from_array(self.grid.position(node)));
+        rows.worn = (0..self.grid.len()).into_par_iter().with_min_len(256).map(worn).collect();
+        rows
+    }
+
+    /// Where the nodes are (R).
+    #[must_use]
+    pub fn positions(&self) -> Vec<Vec3> {
+        (0..self.grid.len()).map(|node| Vec3::from_array(self.grid.position(node))).collect()
+    }
+
+    /// The nodes' signed distances to the body (R), metres.
+    #[must_use]
+    pub fn distances(&self) -> &[f32] {
+        &self.distances
+    }
+
+    /// Whether each node's place (R) is on a part that is wanted.
+    #[must_use]
+    pub fn nodes_of(&self, labels: &PartLabels, wanted: impl Fn(Part) -> bool) -> Vec<bool> {
+        self.places.places.iter().map(|(corners, _)| wanted(labels.parts[corners[0] as usize])).collect()
+    }
+
+    /// The six nodes around each (R); at the border, the node itself.
+    #[must_use]
+    pub fn neighbours(&self) -> Vec<[u32; 6]> {
+        let [x, y, z] = self.grid.counts();
+        let around = |node: usize| {
+            let along = |place: usize, count: usize, stride: usize| {
+                let below = if place > 0 { node - stride } else { node };
+                let above = if place + 1 < count { node + stride } else { node };
+                [below as u32, above as u32]
+            };
+            let [a, b] = along(node % x, x, 1);
+            let [c, d] = along(node / x % y, y, x);
+            let [e, f] = along(node / (x * y), z, x * y);
+            [a, b, c, d, e, f]
+        };
+        (0..self.grid.len()).map(around).collect()
+    }
+
+    /// Whether a point is in a cell of which a node (R) is `worn`.
+    #[must_use]
+    pub fn is_worn_at(&self, worn: &[bool], point: Vec3) -> bool {
+        let cell = self.grid.cell_number(point.to_array());
+        cell.is_some_and(|cell| self.grid.cell_nodes(cell).iter().any(|node| worn.get(*node) == Some(&true)))
+    }
+
+    /// Lets searches in `skinning` skip starts that can reach no cell near the body, inside it or with a `worn` node (R, or none known).
     ///
     /// # Errors
     /// If `skinning` is on another grid.
-    pub fn prune_starts(&self, skinning: &mut VoxelSkinning<f32>, groups: &StartGroups) -> Result<()> {
-        let is_near =
-            |cell: usize| self.grid.cell_nodes(cell).iter().any(|node| self.distances[*node] < CERTAINLY_OUTSIDE);
+    pub fn prune_starts(&self, skinning: &mut VoxelSkinning<f32>, groups: &StartGroups, worn: &[bool]) -> Result<()> {
+        let may_be = |node: &usize| self.distances[*node] < CERTAINLY_OUTSIDE || worn.get(*node) == Some(&true);
+        let is_near = |cell: usize| self.grid.cell_nodes(cell).iter().any(may_be);
         let matters: Vec<bool> = (0..self.grid.cells()).map(is_near).collect();
         Ok(skinning.prune_starts(groups, &matters)?)
     }

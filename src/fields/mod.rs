@@ -21,7 +21,7 @@ use rand_chacha::ChaCha8Rng;
 use xavatar_deformer::GradientSide;
 use xavatar_network::{Bounds, GeometryField, Real, Representation, TextureField};
 
-pub use canonical_grid::{BodyPlaces, CanonicalGrid};
+pub use canonical_grid::{BodyPlaces, CanonicalGrid, NodeRows};
 pub use condition::Condition;
 pub use correspondence::{Correspondence, PosedField};
 pub use evaluate::{BLOCK_ROWS, FieldEvaluator, Shade};

@@ -5,7 +5,10 @@
 use glam::{Affine3A, Vec3};
 use xavatar_deformer::{BakedWeights, BoneTransform, SearchSettings, StartGroups, bone_transform};
 
-use super::{Condition, FieldEvaluator, Fields, PosedField, Skinning, SkinningBinding, union_start_groups};
+use super::{
+    CanonicalGrid, Condition, FieldEvaluator, Fields, NodeRows, PosedField, Skinning, SkinningBinding,
+    union_start_groups,
+};
 use crate::Result;
 use crate::body::{BodyModel, PartLabels, Pose};
 use crate::config::{Config, SearchedField};
@@ -88,14 +91,23 @@ impl Poser {
         Self { binding, groups, settings, searched, bounds, baked: None }
     }
 
-    /// The skinning field that training begins with, its starts pruned.
+    /// The skinning field that training begins with, its starts pruned; of a grid, with what `rows` finds for its nodes.
     ///
     /// # Errors
     /// As [`SkinningBinding::initial`].
-    pub fn initial_skinning(&self, body: &BodyModel) -> Result<Skinning<f32>> {
-        let mut skinning = self.binding.initial(body)?;
+    pub fn initial_skinning(
+        &self,
+        body: &BodyModel,
+        rows: impl FnOnce(&CanonicalGrid) -> Result<NodeRows>,
+    ) -> Result<Skinning<f32>> {
+        let mut skinning = self.binding.initial(body, rows)?;
         self.prune_starts(&mut skinning)?;
         Ok(skinning)
+    }
+
+    /// Whether something is worn at a canonical point, as far as the skinning field knows.
+    pub fn is_worn_at(&self, skinning: &Skinning<f32>, point: Vec3) -> bool {
+        self.binding.is_worn_at(skinning, point)
     }
 
     /// Lets searches in a skinning field skip starts that lead nowhere.

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::chart::{Chart, Dot, number};
 use crate::body::Role;
-use crate::evaluate::{FrameMetrics, PartMetrics, Report, SMPLX_D};
+use crate::evaluate::{FrameMetrics, PartMetrics, RegionMetrics, Report, SMPLX_D, region_name};
 
 /// The metrics as the template takes them.
 #[derive(Clone, Debug, Serialize)]
@@ -48,14 +48,26 @@ struct ByFrame {
 }
 
 /// A metric: its name, its unit, its value as text, and its error, of which less is better.
-type Metric = (&'static str, &'static str, fn(&PartMetrics) -> String, fn(&PartMetrics) -> f64);
+type Metric = (&'static str, &'static str, fn(f64) -> String, fn(f64) -> f64);
 
 const METRICS: [Metric; 4] = [
-    ("CD", "mm", |part| format!("{:.2}", part.cd_mm), |part| part.cd_mm),
-    ("CD-MAX", "mm", |part| format!("{:.1}", part.cd_max_mm), |part| part.cd_max_mm),
-    ("NC", "", |part| format!("{:.3}", part.nc), |part| 1.0 - part.nc),
-    ("IoU", "", |part| format!("{:.3}", part.iou), |part| 1.0 - part.iou),
+    ("CD", "mm", |value| format!("{value:.2}"), |value| value),
+    ("CD-MAX", "mm", |value| format!("{value:.1}"), |value| value),
+    ("NC", "", |value| format!("{value:.3}"), |value| 1.0 - value),
+    ("IoU", "", |value| format!("{value:.3}"), |value| 1.0 - value),
 ];
+
+/// A row's metrics, as far as it has them.
+type Values = [Option<f64>; METRICS.len()];
+
+fn values_of_part(metrics: Option<PartMetrics>) -> Values {
+    metrics.map_or([None; 4], |part| [part.cd_mm, part.cd_max_mm, part.nc, part.iou].map(Some))
+}
+
+/// A region has no volume of its own.
+fn values_of_region(metrics: &RegionMetrics) -> Values {
+    [Some(metrics.cd_mm), Some(metrics.cd_max_mm), Some(metrics.nc), None]
+}
 
 /// The metrics of a role's parts, or of the whole body, and the name of their rows.
 fn of_part(metrics: &FrameMetrics, role: Option<Role>) -> Option<PartMetrics> {
@@ -76,29 +88,42 @@ impl MetricsTable {
     pub(super) fn of(report: &Report, frames_of: &str) -> Self {
         let (mean, baseline) = (report.mean(), report.baseline_mean());
         let parts: Vec<Option<Role>> = std::iter::once(None).chain(mean.by_role.keys().copied().map(Some)).collect();
-        let of_avatar = |part| ("avatar", "avatar", of_part(&mean, part));
-        let of_baseline = |part| baseline.as_ref().map(|baseline| ("baseline", SMPLX_D, of_part(baseline, part)));
-        let rows_of = |part| std::iter::once(of_avatar(part)).chain(of_baseline(part));
-        let measured: Vec<PartMetrics> =
-            parts.iter().flat_map(|part| rows_of(*part)).filter_map(|(_, _, metrics)| metrics).collect();
-        let largest = METRICS.map(|(_, _, _, error)| measured.iter().map(error).fold(f64::MIN_POSITIVE, f64::max));
-        let cell = |metrics: Option<PartMetrics>, index: usize| match metrics {
+        let of_avatar = |part| ("avatar", "avatar", values_of_part(of_part(&mean, part)));
+        let of_baseline =
+            |part| baseline.as_ref().map(|baseline| ("baseline", SMPLX_D, values_of_part(of_part(baseline, part))));
+        let of_parts = parts
+            .iter()
+            .map(|part| (name_of(*part), std::iter::once(of_avatar(*part)).chain(of_baseline(*part)).collect()));
+        let regions = report.region_means().unwrap_or_default();
+        let of_regions = regions
+            .iter()
+            .map(|(region, metrics)| (region_name(*region), vec![("avatar", "avatar", values_of_region(metrics))]));
+        let groups: Vec<(&'static str, Vec<(&'static str, &'static str, Values)>)> =
+            of_parts.chain(of_regions).collect();
+        let rows = || groups.iter().flat_map(|(_, rows)| rows);
+        let error = |index: usize, value: f64| (METRICS[index].3)(value);
+        let largest: Vec<f64> = (0..METRICS.len())
+            .map(|index| {
+                let errors = rows().filter_map(|(.., values)| Some(error(index, values[index]?)));
+                errors.fold(f64::MIN_POSITIVE, f64::max)
+            })
+            .collect();
+        let cell = |(index, value): (usize, &Option<f64>)| match *value {
             None => Cell { text: "\u{2013}".into(), share: 0.0 },
-            Some(metrics) => {
-                let (_, _, text, error) = METRICS[index];
-                let share = (error(&metrics) / largest[index]).clamp(0.0, 1.0);
-                Cell { text: text(&metrics), share: (share * 1000.0).round() / 1000.0 }
+            Some(value) => {
+                let share = (error(index, value) / largest[index]).clamp(0.0, 1.0);
+                Cell { text: (METRICS[index].2)(value), share: (share * 1000.0).round() / 1000.0 }
             }
         };
-        let row =
-            |(class, name, metrics)| Row { class, name, cells: (0..METRICS.len()).map(|i| cell(metrics, i)).collect() };
+        let row = |(class, name, values): &(&'static str, &'static str, Values)| Row {
+            class,
+            name,
+            cells: values.iter().enumerate().map(cell).collect(),
+        };
         Self {
             caption: caption(report, frames_of),
             columns: METRICS.map(|(name, unit, ..)| Column { name, unit }).into(),
-            parts: parts
-                .iter()
-                .map(|part| PartRows { name: name_of(*part), rows: rows_of(*part).map(row).collect() })
-                .collect(),
+            parts: groups.iter().map(|(name, rows)| PartRows { name, rows: rows.iter().map(row).collect() }).collect(),
             by_frame: by_frame(report),
         }
     }
@@ -177,6 +202,7 @@ mod tests {
             frame: format!("test/Take1/f{number:05}"),
             metrics: parts(part(1.0, 0.99), part(2.0, 0.98)),
             baseline: Some(parts(part(4.0, 0.96), part(3.0, 0.97))),
+            regions: None,
         };
         let report = Report { per_frame: vec![frame(7), frame(120)] };
         let table = MetricsTable::of(&report, "of the test split");

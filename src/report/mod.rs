@@ -11,6 +11,7 @@ mod metrics;
 mod page;
 mod part_colours;
 mod picture;
+mod registration;
 mod scene;
 mod training;
 
@@ -25,6 +26,7 @@ pub use figure::LineFigure;
 pub use machine::machine;
 pub use page::Fact;
 pub use part_colours::{part_colour, part_colours, part_names};
+pub use registration::{REGISTRATION_PAGE, write_registration_page};
 
 use self::chart::{grouped, number};
 use self::metrics::MetricsTable;
@@ -111,6 +113,7 @@ impl Report<'_> {
             figures: self.figures(&training),
             viewer,
             metrics,
+            frames_heading: "Best and worst",
             frames,
             training_caption: training.caption(),
             curves: training.curves(),

@@ -56,6 +56,7 @@ pub(super) struct ReportPage {
     pub(super) figures: Vec<KeyFigure>,
     pub(super) viewer: Option<ViewerPart>,
     pub(super) metrics: Option<MetricsTable>,
+    pub(super) frames_heading: &'static str,
     pub(super) frames: Vec<Picture>,
     pub(super) training_caption: String,
     pub(super) curves: Vec<Curve>,

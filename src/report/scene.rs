@@ -179,7 +179,7 @@ impl PackedMotion {
 
 /// The morphs that are expressions, with their places among all.
 fn expressions(rig: &RiggedMesh) -> impl Iterator<Item = (usize, &crate::export::Morph)> {
-    rig.morphs.iter().enumerate().filter(|(_, morph)| morph.name.starts_with("expression"))
+    rig.morphs.iter().enumerate().filter(|(_, morph)| morph.is_expression())
 }
 
 /// Bytes of sum 255: the first, which is the largest, takes the rounding.

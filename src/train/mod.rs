@@ -4,6 +4,7 @@
 //! [`engine`] computes it, [`supervision`] says what a capture gives to the [`losses`]. Nothing here writes a file: a training that is
 //! stored, resumed and watched is a [run](crate::runs).
 
+mod clothing;
 mod drawn;
 pub mod engine;
 mod epochs;

@@ -10,6 +10,7 @@ use std::time::Instant;
 use glam::Vec3;
 use xavatar_network::{AdamSettings, ParameterGroup};
 
+use super::clothing;
 use super::drawn::generator;
 use super::engine::{CpuEngine, Engine, EngineInput, Learned, Outcome};
 use super::epochs::Epochs;
@@ -77,12 +78,15 @@ impl<'a> Trainer<'a> {
         canonical.stand_in(seen);
         let bounds = canonical.bounds();
         let poser = Poser::for_training(config, body, labels, betas, bounds)?;
-        let mut fields = Fields::new(&config.fields, canonical.condition(), poser.initial_skinning(body)?, bounds)?;
+        let mut frames = Frames::new(spec);
+        let skinning =
+            poser.initial_skinning(body, |grid| clothing::fitted_rows(&mut frames, grid, body, labels, betas))?;
+        canonical.wear(|point| poser.is_worn_at(&skinning, point));
+        let mut fields = Fields::new(&config.fields, canonical.condition(), skinning, bounds)?;
         fields.initialise(config.seed);
         let mut state = TrainingState { learned: Learned::new(fields), progress: Progress::default() };
         restore(&mut state)?;
         let TrainingState { learned, progress } = state;
-        let frames = Frames::new(spec);
         let follows_weights = learned.fields.skinning.follows_weights();
         let distances = canonical.distances().clone();
         Ok(Self {

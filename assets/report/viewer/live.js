@@ -1,8 +1,11 @@
-// Live: the pose goes to `xavatar view`, the field's own mesh comes back. One request is under way at a time. A new pose is
-// asked for coarse first, at about TARGET seconds a frame, then finer until it is as fine as the user chose.
+// Live: what moves is the skinned mesh, at the browser's own pace. A pose that rests goes to `xavatar view`, and the field's own mesh
+// for it takes the skinned one's place: coarse first, in about TARGET seconds, then finer until it is as fine as the user chose.
+// One request is under way at a time.
 
 const TARGET = 0.2;
 const COARSEST = 48;
+// A pose that has not changed for this long rests, milliseconds: a slider under a hand does not.
+const REST = 120;
 // Cells an eighth at a time; the time of an extraction grows with about this power of the resolution.
 const COST_POWER = 2.3;
 
@@ -67,9 +70,16 @@ class Live {
   follow(pose) {
     this.pose = { ...pose, expression: [...pose.expression] };
     this.version += 1;
-    // The skinned mesh follows at once; the field's takes its place as soon as it is there.
-    if (!this.viewer.playing) this.show(null);
-    this.ask(Math.min(this.quick, Number(this.finest.value)));
+    this.show(null);
+    this.askAtRest();
+  }
+
+  askAtRest() {
+    clearTimeout(this.rest);
+    if (!this.enabled.checked) return;
+    this.report("In motion: the skinned mesh. The field's own comes when the pose rests.");
+    if (this.viewer.playing) return;
+    this.rest = setTimeout(() => this.ask(Math.min(this.quick, Number(this.finest.value))), REST);
   }
 
   async ask(resolution) {
@@ -91,13 +101,13 @@ class Live {
       await new Promise((resolve) => { setTimeout(resolve, 2000); });
     }
     this.isBusy = false;
-    const isCurrent = version === this.version;
+    const isCurrent = version === this.version && !this.viewer.playing;
     if (mesh) {
       const pace = resolution * (TARGET / mesh.seconds) ** (1 / COST_POWER);
       this.quick = Math.min(Math.max(8 * Math.round(pace / 8), COARSEST), 256);
-      if (this.enabled.checked && (isCurrent || this.viewer.playing)) this.show(mesh);
+      if (this.enabled.checked && isCurrent) this.show(mesh);
     }
-    if (!isCurrent || !mesh) this.ask(Math.min(this.quick, Number(this.finest.value)));
+    if (!isCurrent || !mesh) this.askAtRest();
     else if (resolution < Number(this.finest.value)) this.ask(Math.min(8 * Math.round(resolution / 5), Number(this.finest.value)));
   }
 

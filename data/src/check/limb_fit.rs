@@ -156,7 +156,13 @@ impl LimbFits {
         if self.surface > TWO_WALLS && is_near && in_cavity > 0.5 {
             return Some(Observation::Hollow(self.surface));
         }
-        (open > 0.5).then_some(Observation::Open(open))
+        if open > 0.5 {
+            return Some(Observation::Open(open));
+        }
+        // Of a scan that is cut through the trunk, whole limbs may be on the side that is gone.
+        let is_cut = |fit: &LimbFit| OPEN.contains(&fit.winding) && fit.surface < MISSING_SURFACE;
+        let trunk_is_cut = self.limbs.iter().any(|fit| fit.limb.is_trunk() && is_cut(fit));
+        trunk_is_cut.then(|| Observation::Open(share_of(|fit| fit.winding < OPEN.end)))
     }
 
     /// What is wrong with limbs of a scan that stands where its body does.

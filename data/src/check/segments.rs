@@ -56,6 +56,11 @@ impl Limb {
         self.0
     }
 
+    /// Whether the other limbs hang on it.
+    pub fn is_trunk(self) -> bool {
+        self.name() == "torso"
+    }
+
     /// Whether clothes leave it as it is: the hands.
     pub fn is_bare(self) -> bool {
         self.name().ends_with("hand")

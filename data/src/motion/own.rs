@@ -48,10 +48,14 @@ pub(super) fn recognised(container: Container, arrays: &ArrayMap) -> std::result
     is_y_up(arrays)
 }
 
-/// Whether the arrays are ours by their marks or, since estimators save the same names, by a body that is not in a camera's coordinates.
+/// Whether the arrays are ours by their marks or, since estimators save the same names, by hands that need none and a body that is not
+/// in a camera's coordinates.
 fn is_y_up(arrays: &ArrayMap) -> std::result::Result<(), String> {
     let numbers = |key: &str| arrays.get(key).and_then(Array::to_f32);
     let Some(roots) = numbers("global_orient").filter(|_| !is_marked(arrays)) else { return Ok(()) };
+    if let Some(hand) = ["left_hand_pose", "right_hand_pose"].into_iter().find(|hand| arrays.contains_key(*hand)) {
+        return Err(format!("`{hand}` is without `{}`", MARKS[0]));
+    }
     let turned = |root: &[f32; 3]| smplx::Parameters { global_orient: rotation(*root), ..smplx::Parameters::default() };
     let body = Motion { frames: roots.as_chunks().0.iter().map(turned).collect(), ..Motion::default() };
     match body.standing_axis() {

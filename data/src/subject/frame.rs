@@ -48,7 +48,7 @@ impl FrameFile {
         }
     }
 
-    fn require(&self, what: &str) -> Result<&Path> {
+    pub(super) fn require(&self, what: &str) -> Result<&Path> {
         let (path, what) = match self {
             Self::At(path) if path.exists() => return Ok(path),
             Self::At(path) => (path, what.to_owned()),

@@ -101,6 +101,16 @@ pub(super) fn find(folder: &Path) -> Result<Option<(Layout, Vec<Sequence>)>> {
     Ok(Some((layout_of(folder, &sequences), sequences)))
 }
 
+/// The sequences of a folder of scans, with or without registrations, which are not looked at; none if there are no scans.
+pub(super) fn find_scans(folder: &Path) -> Result<Vec<Sequence>> {
+    let mut sequences = Vec::new();
+    for split in ["train", "test"] {
+        let found = sequences_by(scans_alone_in, &folder.join(split))?;
+        sequences.extend(found.into_iter().map(|sequence| Sequence { split: Some(split), ..sequence }));
+    }
+    if sequences.is_empty() { sequences_by(scans_alone_in, folder) } else { Ok(sequences) }
+}
+
 /// A sequence whose folders of scans and registrations are named.
 pub(super) fn named_sequence(folder: &Path, scans: &Path, fits: &Path) -> Result<Sequence> {
     let (scan_folder, fit_folder) = (folder.join(scans), folder.join(fits));
@@ -110,6 +120,10 @@ pub(super) fn named_sequence(folder: &Path, scans: &Path, fits: &Path) -> Result
 
 /// The folder as a sequence, or the sequences in it. Folders of one frame each are one sequence.
 fn sequences_under(folder: &Path) -> Result<Vec<Sequence>> {
+    sequences_by(sequence_in, folder)
+}
+
+fn sequences_by(sequence_in: fn(&Path) -> Result<Option<Sequence>>, folder: &Path) -> Result<Vec<Sequence>> {
     if !folder.is_dir() {
         return Ok(Vec::new());
     }
@@ -171,6 +185,24 @@ fn sequence_in(folder: &Path) -> Result<Option<Sequence>> {
     }
     sequence.frames = paired(&scans, &fits);
     Ok(Some(sequence))
+}
+
+/// The scans of a folder, in a folder of their own or as they are.
+fn scans_alone_in(folder: &Path) -> Result<Option<Sequence>> {
+    let scan_folder = named(folder, &SCAN_FOLDERS)?.into_iter().next();
+    let scans = match &scan_folder {
+        Some(scan_folder) => scans_in(scan_folder)?,
+        None => files_of(folder, &SCANS[..4])?.into_iter().filter(|path| !is_registered_mesh(path)).collect(),
+    };
+    let sequence = Sequence {
+        split: None,
+        name: name_of(folder),
+        folder: folder.into(),
+        frames: paired(&scans, &[]),
+        scan_folder: scan_folder.unwrap_or_else(|| folder.into()),
+        fit_folder: folder.into(),
+    };
+    Ok((!sequence.frames.is_empty()).then_some(sequence))
 }
 
 /// Whether a file beside scans is a registration: it is called so, or as a scan is.

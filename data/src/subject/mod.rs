@@ -11,6 +11,7 @@ mod layout;
 mod pairing;
 mod rules;
 mod scan_file;
+mod scans;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,6 +19,7 @@ use std::sync::Arc;
 pub use frame::{FrameFile, FrameFiles, read_frame};
 pub use layout::Layout;
 pub use rules::HandZero;
+pub use scans::Scans;
 
 use self::description::Description;
 use self::fit_file::{Registered, read_fit};

@@ -10,15 +10,17 @@
 //! never the frames' own `betas`; hand poses are relative to the mean hand. Metres, Y up.
 
 mod parameters;
+mod raw;
 mod write;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub use write::write_subject;
+pub use raw::FrameFolder;
+pub use write::{write_common, write_subject};
 
 pub(super) use parameters::parameters_of;
-pub(super) use write::{create_folder, write_common, write_parameters};
+pub(super) use write::{create_folder, write_parameters};
 
 use xavatar_body::{Gender, smplx};
 use xavatar_formats::{Error, Result, read_npy, read_text};
@@ -27,6 +29,7 @@ pub(super) const SHAPE_FILE: &str = "mean_shape_smplx.npy";
 pub(super) const GENDER_FILE: &str = "gender.txt";
 const PARAMETERS: &str = "SMPLX";
 const COLOURED_SCANS: &str = "meshes_ply";
+const RAW_SCANS: &str = "meshes_pkl";
 
 /// What is common to a subject's frames, scans or pictures.
 pub(super) struct Common {

@@ -33,8 +33,11 @@ pub fn write_subject(
     Ok(())
 }
 
-/// Writes what is common to a subject's frames, in its folder.
-pub(crate) fn write_common(folder: &Path, gender: Gender, betas: &[f32]) -> Result<()> {
+/// Writes what is common to a subject's frames, in its folder, which has to be there.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write_common(folder: &Path, gender: Gender, betas: &[f32]) -> Result<()> {
     write_atomically(&folder.join(GENDER_FILE), |writer| writeln!(writer, "{gender}"))?;
     let shape = npy_bytes(&Array::from_f32(&[betas.len()], betas.to_vec()));
     write_atomically(&folder.join(SHAPE_FILE), |writer| writer.write_all(&shape))

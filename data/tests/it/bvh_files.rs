@@ -191,6 +191,11 @@ fn text_that_differs_from_the_letter_is_the_same_file() {
         assert!(found.warnings.is_empty(), "{name}: {:?}", found.warnings);
     }
     assert_eq!(of_file(&text("t_pose.bvh")).len(), expected.frames.len());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("utf_16.bvh");
+    let units = [0xfeff].into_iter().chain(text("t_pose.bvh").encode_utf16().collect::<Vec<_>>());
+    std::fs::write(&path, units.flat_map(u16::to_le_bytes).collect::<Vec<_>>()).unwrap();
+    assert!(Clip::load(&path, &MotionOptions::default()).unwrap().frames == expected.frames);
 }
 
 #[test]

@@ -1,9 +1,13 @@
 //! Motions as tools write them (tests/fixtures/motions): what each holds must come out, whatever its layout.
 
 mod bvh_files;
+mod file_kinematics;
 mod kinematics;
+mod layouts;
 mod parameters;
+mod people;
 mod rest_poses;
+mod t_pose;
 
 use std::path::{Path, PathBuf};
 

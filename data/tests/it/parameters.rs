@@ -2,39 +2,17 @@
 //!
 //! The reference: a person turns about Y by 0.5 in four frames and walks along x, the left hip bent by 0.4 to 0.
 
-use std::path::Path;
-
 use glam::{DQuat, Quat, Vec3};
-use serde_json::{Value, json};
+use serde_json::json;
 use xavatar_body::{HandPose, PoseAxisAngle, smplx};
 use xavatar_data::{Clip, Coordinates, Motion, MotionOptions, RestPose, UpAxis, read_motion};
 use xavatar_formats::{Array, ArrayMap, Choice, Error, npy_bytes, read_npz, write_npz};
 
-use crate::kinematics::{name, of_parameters};
+use crate::layouts::{SMPL_PELVIS, assert_body, assert_is_reference, matrix, nested, pose, saved, says, vector};
 use crate::{clip, fixture};
-
-/// SMPL's pelvis at rest, as the reader knows it.
-const SMPL_PELVIS: Vec3 = Vec3::new(0.0, -0.23, 0.028);
 
 fn declared(name: &str, coordinates: Coordinates) -> Clip {
     Clip::load(&fixture(name), &MotionOptions { coordinates: Some(coordinates), ..MotionOptions::default() }).unwrap()
-}
-
-/// That every joint is turned as the reference's, to a tenth of a degree.
-fn assert_is_reference(found: &Clip, what: &str) {
-    let expected = clip("reference.npz");
-    assert_eq!(found.frames.len(), expected.frames.len(), "{what}");
-    for (index, (found, expected)) in found.frames.iter().zip(&expected.frames).enumerate() {
-        let (turns, wanted) = (of_parameters(found), of_parameters(expected));
-        for joint in 0..turns.len() {
-            let off = turns[joint].angle_between(wanted[joint]).to_degrees();
-            assert!(off < 0.1, "{what}, frame {index}, {}: {off:.2} degrees off", name(joint));
-        }
-    }
-}
-
-fn says(lines: &[impl ToString], words: &str) -> bool {
-    lines.iter().any(|line| line.to_string().contains(words))
 }
 
 #[test]
@@ -49,6 +27,7 @@ fn the_reference_comes_out_of_every_tools_file() {
         ("motion_x.npy", "Motion-X", UpAxis::Y),
         ("camera_without_hands.npz", "SMPL-X parameters", UpAxis::MinusY),
         ("gvhmr.pt", "GVHMR", UpAxis::Y),
+        ("tram.npy", "TRAM", UpAxis::MinusY),
     ] {
         let found = clip(name);
         assert_is_reference(&found, name);
@@ -60,7 +39,7 @@ fn the_reference_comes_out_of_every_tools_file() {
 
 #[test]
 fn hands_of_smpl_are_left_out_and_said_to_be() {
-    for name in ["smpl_69.npz", "hmr2.npz", "wham.pkl", "vibe.pkl"] {
+    for name in ["smpl_69.npz", "hmr2.npz", "wham.pkl", "vibe.pkl", "tram.npy"] {
         assert!(says(&clip(name).report, "its two hand joints are left out"), "{name}");
     }
 }
@@ -102,6 +81,12 @@ fn an_unmarked_file_is_ours_only_if_its_body_is() {
     let mut reference = arrays("reference.npz");
     reference.remove("frames_per_second");
     assert!(loaded(&reference, &MotionOptions::default()).unwrap().report[0].contains("(motion npz)"));
+    // Our hands say their convention; those of others are smplx's.
+    let mut with_hands = reference.clone();
+    with_hands.insert("left_hand_pose".into(), Array::from_f32(&[4, 45], vec![0.1; 4 * 45]));
+    let read = loaded(&with_hands, &MotionOptions::default()).unwrap();
+    assert!(says(&read.report, "up axis: Y (the body stands along it"), "{:?}", read.report);
+    assert!(matches!(&read.frames[0].left_hand_pose, HandPose::RelativeToMean(hand) if hand[14].0 == Vec3::splat(0.1)));
     let mut camera = arrays("camera_without_hands.npz");
     // Marked, it is what the format says, and said loudly.
     camera.insert("frames_per_second".into(), Array::from_f32(&[], vec![30.0]));
@@ -128,100 +113,11 @@ fn a_motion_of_another_up_axis_is_written_with_it() {
     }
 }
 
-fn saved<T>(name: &str, bytes: &[u8], read: impl Fn(&Path) -> T) -> T {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join(name);
-    std::fs::write(&path, bytes).unwrap();
-    read(&path)
-}
-
 fn loaded(arrays: &ArrayMap, options: &MotionOptions) -> xavatar_formats::Result<Clip> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("motion.npz");
     write_npz(&path, arrays).unwrap();
     Clip::load(&path, options)
-}
-
-/// A file of nested dicts and lists, as pickles have them, in JSON.
-fn nested(value: &Value) -> xavatar_formats::Result<Motion> {
-    saved("motion.json", value.to_string().as_bytes(), |path| read_motion(path))
-}
-
-/// A pose of `joints` joints with the root, told apart by `seed`.
-fn pose(seed: usize, joints: usize) -> Vec<f32> {
-    (0..3 * joints).map(|place| ((seed * 165 + place) % 97) as f32 / 100.0 - 0.48).collect()
-}
-
-fn vector(numbers: &[f32], joint: usize) -> Vec3 {
-    Vec3::from_slice(&numbers[3 * joint..])
-}
-
-fn matrix(vector: Vec3) -> Value {
-    let turn = glam::Mat3::from_quat(Quat::from_scaled_axis(vector)).transpose();
-    json!([turn.x_axis.to_array(), turn.y_axis.to_array(), turn.z_axis.to_array()])
-}
-
-/// That a frame's body is the pose's.
-fn assert_body(frame: &smplx::Parameters, pose: &[f32], root: Vec3) {
-    assert!((frame.global_orient.0 - root).length() < 1e-5, "{:?}", frame.global_orient);
-    for joint in 1..22 {
-        assert!((frame.body_pose[joint - 1].0 - vector(pose, joint)).length() < 1e-5, "{}", name(joint));
-    }
-}
-
-// A dict a picture, in it lists over the people, whom `tid` tells apart.
-#[test]
-fn people_of_4d_humans_are_followed_through_the_pictures() {
-    let smpl = |seed: usize| {
-        let pose = pose(seed, 24);
-        let matrices: Vec<Value> = (1..24).map(|joint| matrix(vector(&pose, joint))).collect();
-        json!({"global_orient": [matrix(vector(&pose, 0))], "body_pose": matrices, "betas": vec![0.0; 10]})
-    };
-    let picture = |people: &[(usize, usize)]| {
-        json!({
-            "tid": people.iter().map(|(id, _)| *id).collect::<Vec<_>>(),
-            "camera": people.iter().map(|(_, seed)| vec![*seed as f32, 0.0, 9.0]).collect::<Vec<_>>(),
-            "smpl": people.iter().map(|(_, seed)| smpl(*seed)).collect::<Vec<_>>(),
-        })
-    };
-    let motion = nested(&json!({
-        "outputs//_DEMO/walk/img/000010.jpg": picture(&[(7, 1), (3, 5)]),
-        "outputs//_DEMO/walk/img/000009.jpg": picture(&[(7, 0)]),
-        "outputs//_DEMO/walk/img/000011.jpg": picture(&[(3, 6), (7, 2)]),
-    }))
-    .unwrap();
-    assert_eq!((motion.frames.len(), motion.up, motion.up_is_certain), (3, UpAxis::MinusY, true));
-    assert!(motion.source.contains("4D-Humans") && says(&motion.notes, "person 3 (2 frames)"), "{:?}", motion.notes);
-    for (seed, frame) in motion.frames.iter().enumerate() {
-        let pose = pose(seed, 24);
-        assert_body(frame, &pose, vector(&pose, 0));
-        let expected = Vec3::new(seed as f32, 0.0, 9.0) + SMPL_PELVIS - RestPose::default().pelvis();
-        assert!((frame.transl - expected).length() < 1e-5);
-    }
-}
-
-// An npz a picture of all people in it; the video's has each in a track of its own.
-#[test]
-fn people_of_romp_are_told_apart() {
-    let people = |seeds: &[usize]| {
-        json!({
-            "cam": seeds.iter().map(|seed| vec![*seed as f32, 0.0, 0.0]).collect::<Vec<_>>(),
-            "center_confs": vec![1.0; seeds.len()],
-            "cam_trans": seeds.iter().map(|seed| vec![0.0, 0.0, *seed as f32]).collect::<Vec<_>>(),
-            "smpl_thetas": seeds.iter().map(|seed| pose(*seed, 24)).collect::<Vec<_>>(),
-        })
-    };
-    let motion = nested(&json!({"results": people(&[1, 4, 2])})).unwrap();
-    assert_eq!(motion.frames.len(), 1);
-    assert_body(&motion.frames[0], &pose(4, 24), vector(&pose(4, 24), 0));
-    assert!(motion.source.contains("ROMP") && says(&motion.notes, "the largest is read"), "{:?}", motion.notes);
-    let motion = nested(&json!({
-        "results": {"00000000.png": people(&[1, 4]), "00000001.png": people(&[5])},
-        "sequence_results": {"1": people(&[1, 5, 6]), "2": people(&[4])},
-    }))
-    .unwrap();
-    assert_eq!(motion.frames.len(), 3);
-    assert_body(&motion.frames[2], &pose(6, 24), vector(&pose(6, 24), 0));
 }
 
 #[test]

@@ -4,59 +4,16 @@
 //! left leg and bends the right knee. Rest poses made here keep it: with Q_b the turn of bone b at rest, its offset is turned
 //! by Q_parent^-1 and its rotation R becomes Q_parent^-1 R Q_b.
 
+use std::collections::BTreeMap;
+
 use glam::{DQuat, DVec3};
-use xavatar_data::{Clip, MotionOptions, RestPose, Warning};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use xavatar_data::{Clip, MotionOptions, Warning};
 
 use crate::kinematics::{name, of_file, of_parameters};
+use crate::t_pose::{BONES, CLOSE, direction};
 use crate::{clip, fixture};
-
-/// Degrees.
-const CLOSE: f64 = 2.0;
-
-/// Bones of the T-pose's file that have a joint.
-const BONES: [(&str, &str); 22] = [
-    ("Hips", "pelvis"),
-    ("Spine", "spine1"),
-    ("Spine1", "spine2"),
-    ("Spine2", "spine3"),
-    ("Neck", "neck"),
-    ("Head", "head"),
-    ("LeftShoulder", "left_collar"),
-    ("LeftArm", "left_shoulder"),
-    ("LeftForeArm", "left_elbow"),
-    ("LeftHand", "left_wrist"),
-    ("RightShoulder", "right_collar"),
-    ("RightArm", "right_shoulder"),
-    ("RightForeArm", "right_elbow"),
-    ("RightHand", "right_wrist"),
-    ("LeftUpLeg", "left_hip"),
-    ("LeftLeg", "left_knee"),
-    ("LeftFoot", "left_ankle"),
-    ("LeftToeBase", "left_foot"),
-    ("RightUpLeg", "right_hip"),
-    ("RightLeg", "right_knee"),
-    ("RightFoot", "right_ankle"),
-    ("RightToeBase", "right_foot"),
-];
-/// Bones with a direction, and where they end.
-const LIMBS: [(&str, &str); 8] = [
-    ("LeftArm", "LeftForeArm"),
-    ("LeftForeArm", "LeftHand"),
-    ("RightArm", "RightForeArm"),
-    ("RightForeArm", "RightHand"),
-    ("LeftUpLeg", "LeftLeg"),
-    ("LeftLeg", "LeftFoot"),
-    ("RightUpLeg", "RightLeg"),
-    ("RightLeg", "RightFoot"),
-];
-
-fn joint(name: &str) -> usize {
-    xavatar_body::smplx::skeleton().joint(name).unwrap()
-}
-
-fn joint_of(bone: &str) -> usize {
-    joint(BONES.iter().find(|(name, _)| *name == bone).unwrap().1)
-}
 
 fn assert_same_motion(found: &Clip, expected: &Clip, what: &str) {
     let warnings = found.warnings.clone();
@@ -70,40 +27,6 @@ fn assert_same_motion(found: &Clip, expected: &Clip, what: &str) {
         }
         let off = found.transl.distance(expected.transl);
         assert!(off < 0.01, "{what}, frame {index}: {off} m off");
-    }
-}
-
-// The T-pose's bones are SMPL-X's in axes of their own: back, neck, head, collar bones and feet turn as the file's; limbs point
-// as the file's.
-#[test]
-fn joints_turn_as_the_files_bones_and_limbs_point_as_they() {
-    let frames = of_file(&std::fs::read_to_string(fixture("t_pose.bvh")).unwrap());
-    let rest: Vec<DVec3> = RestPose::default().joints().iter().map(|place| place.as_dvec3()).collect();
-    let clip = clip("t_pose.bvh");
-    assert_eq!((frames.len(), clip.frames.len()), (5, 5));
-    assert!(clip.warnings.is_empty(), "{:?}", clip.warnings);
-    for (index, (bones, frame)) in frames.iter().zip(&clip.frames).enumerate() {
-        let turns = of_parameters(frame);
-        for (bone, end) in LIMBS {
-            let (from, to) = (joint_of(bone), joint_of(end));
-            let expected = (bones[end].place - bones[bone].place).normalize();
-            let off = (turns[from] * (rest[to] - rest[from])).angle_between(expected).to_degrees();
-            assert!(off < CLOSE, "frame {index}, {bone}: {off:.1} degrees off");
-        }
-        for bone in ["Hips", "Spine", "Spine1", "Spine2", "Neck", "Head", "LeftShoulder", "RightShoulder"] {
-            let off = turns[joint_of(bone)].angle_between(bones[bone].turn).to_degrees();
-            assert!(off < CLOSE, "frame {index}, {bone}: {off:.1} degrees off");
-        }
-        for (ankle, toe) in [("LeftFoot", "LeftToeBase"), ("RightFoot", "RightToeBase")] {
-            // Level feet stay level, and point where the file's toes are.
-            let (from, to) = (joint_of(ankle), joint_of(toe));
-            let level = turns[from] * DVec3::Y;
-            assert!(level.angle_between(bones[ankle].turn * DVec3::Y).to_degrees() < CLOSE, "frame {index}, {ankle}");
-            let toes = bones[toe].place - bones[ankle].place;
-            let ahead = |direction: DVec3| direction - level * direction.dot(level);
-            let off = ahead(turns[from] * (rest[to] - rest[from])).angle_between(ahead(toes)).to_degrees();
-            assert!(off < CLOSE, "frame {index}, {ankle}: {off:.1} degrees off");
-        }
     }
 }
 
@@ -170,17 +93,6 @@ fn loaded(text: &str) -> xavatar_formats::Result<Clip> {
     let path = folder.path().join("other.bvh");
     std::fs::write(&path, text).unwrap();
     Clip::load(&path, &MotionOptions::default())
-}
-
-/// The direction of a bone in the T-pose's file.
-fn direction(bone: &str) -> DVec3 {
-    match bone {
-        "LeftShoulder" | "LeftArm" | "LeftForeArm" | "LeftHand" => DVec3::X,
-        "RightShoulder" | "RightArm" | "RightForeArm" | "RightHand" => DVec3::NEG_X,
-        "LeftUpLeg" | "LeftLeg" | "RightUpLeg" | "RightLeg" => DVec3::NEG_Y,
-        "LeftFoot" | "RightFoot" | "LeftToeBase" | "RightToeBase" => DVec3::new(0.0, -6.0, 14.0).normalize(),
-        _ => DVec3::Y,
-    }
 }
 
 fn is_left(bone: &str) -> bool {
@@ -262,6 +174,29 @@ fn bones_may_all_lie_along_one_axis_of_their_own() {
     }
 }
 
+// Each rolled about it in a way of its own: where bones lie along each other, the back's are not to be believed either.
+#[test]
+fn bones_along_one_axis_may_each_be_rolled_in_another_way() {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    for axis in [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z] {
+        for _ in 0..4 {
+            let rolls: BTreeMap<&str, f64> =
+                BONES.iter().map(|(bone, _)| (*bone, random.random_range(-3.1..3.1))).collect();
+            assert_is_the_t_poses(&format!("along {axis}, rolled by {rolls:?}"), |bone| {
+                DQuat::from_rotation_arc(axis, direction(bone)) * DQuat::from_axis_angle(axis, rolls[bone])
+            });
+        }
+    }
+}
+
+#[test]
+fn a_body_may_sit_at_rest() {
+    assert_is_the_t_poses("thighs ahead, shins down", |bone| match bone {
+        "LeftUpLeg" | "RightUpLeg" => DQuat::from_rotation_x(-1.57),
+        _ => DQuat::IDENTITY,
+    });
+}
+
 // The world of the rest pose has other axes than that of the frames, or both have.
 #[test]
 fn axes_may_be_crossed_at_rest() {
@@ -322,6 +257,36 @@ fn who_lies_prone_stays_lying() {
             for joint in [0, 3, 6, 9] {
                 assert!((turns[joint] * DVec3::Y).angle_between(trunk).to_degrees() < 10.0, "{joint}");
             }
+        }
+    }
+}
+
+// Where on the floor, and which way up, changes nothing: least of all where the feet are over the origin.
+#[test]
+fn who_lies_anywhere_stays_lying() {
+    let text = std::fs::read_to_string(fixture("prone.bvh")).unwrap();
+    let (hierarchy, motion) = text.split_once("MOTION").unwrap();
+    let mut lines = motion.lines();
+    let heading = lines.by_ref().take(3).collect::<Vec<_>>().join("\n");
+    let rows: Vec<Vec<&str>> =
+        lines.filter(|line| !line.is_empty()).map(|line| line.split_whitespace().collect()).collect();
+    for (place, [z, x, y]) in [
+        ("0 12 90", ["0", "90", "0"]),
+        ("0 12 -85", ["0", "-90", "0"]),
+        ("85 30 0", ["-90", "0", "0"]),
+        ("-90 8 3", ["90", "0", "0"]),
+        ("40 12 40", ["0", "90", "45"]),
+    ] {
+        let mut moved = format!("{hierarchy}MOTION{heading}\n");
+        for row in &rows {
+            moved += &format!("{place} {z} {x} {y} {}\n", row[6..].join(" "));
+        }
+        let clip = loaded(&moved).unwrap();
+        assert!(clip.report.iter().any(|line| line.starts_with("up axis: Y (")), "{place}: {:?}", clip.report);
+        let bones = of_file(&moved);
+        for (frame, bones) in clip.frames.iter().zip(bones) {
+            let off = of_parameters(frame)[0].angle_between(bones["Hips"].turn).to_degrees();
+            assert!(off < CLOSE, "{place}: {off:.1} degrees off");
         }
     }
 }

@@ -103,7 +103,7 @@ impl<T: Real> Grid<T> {
     }
 
     /// The number of the cell that holds a point; none outside the box.
-    pub(crate) fn cell_number(&self, point: [T; 3]) -> Option<usize> {
+    pub fn cell_number(&self, point: [T; 3]) -> Option<usize> {
         let inside = |axis: usize| {
             let nodes = self.axes[axis].nodes();
             point[axis] >= nodes[0] && point[axis] <= nodes[nodes.len() - 1]
@@ -114,6 +114,12 @@ impl<T: Real> Grid<T> {
         let place: [usize; 3] = std::array::from_fn(|axis| self.axes[axis].place(point[axis]).cell);
         let [x, y, _] = self.cell_counts();
         Some(place[0] + x * (place[1] + y * place[2]))
+    }
+
+    /// The nodes around a point, or around the nearest point of the box, with their shares.
+    pub fn corner_shares(&self, point: [T; 3]) -> [(usize, T); 8] {
+        let cell = self.cell(point);
+        std::array::from_fn(|corner| (cell.corner(corner), cell.share(corner)))
     }
 
     /// The cell that holds a point or, outside the box, the nearest point of its surface.
@@ -134,7 +140,8 @@ impl<T: Real> Grid<T> {
         std::array::from_fn(|axis| self.axes[axis].slope(place[axis], point[axis]))
     }
 
-    pub(crate) fn counts(&self) -> [usize; 3] {
+    /// How many nodes there are along x, y and z.
+    pub fn counts(&self) -> [usize; 3] {
         self.axes.each_ref().map(|axis| axis.nodes().len())
     }
 

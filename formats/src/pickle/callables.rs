@@ -2,12 +2,12 @@
 //!
 //! Each entry re-does in Rust what the Python function of that name would do with plain data (numpy's
 //! `_reconstruct`, `_frombuffer`, `scalar` and `dtype`; `_codecs.encode`, by which protocol 2 spells bytes;
-//! `OrderedDict`, `defaultdict`; `copyreg._reconstructor`; PyTorch's `_rebuild_tensor_v2`).
+//! `OrderedDict`, `defaultdict`; `copyreg._reconstructor`; PyTorch's `_rebuild_tensor_v2` and `_load_from_bytes`).
 
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::machine::Machine;
+use super::machine::{Machine, Outside};
 use super::node::{Node, NodeId, Object};
 use super::object::{is_inline_array, is_known_class};
 use super::tensors::is_passed_over;
@@ -52,6 +52,7 @@ impl<'a> Machine<'a> {
             ("torch._utils._rebuild_tensor_v2", &[storage, offset, size, stride, ..]) => {
                 self.tensor(storage, offset, size, stride)
             }
+            ("torch.storage._load_from_bytes", &[bytes]) => self.packed_storage(bytes),
             ("torch._utils._rebuild_parameter", &[tensor, ..]) => match &self.nodes[tensor as usize] {
                 Node::Array(array) => Ok(Node::Array(Arc::clone(array))),
                 other => Err(self.broken(other.kind(), "a tensor")),
@@ -241,7 +242,7 @@ impl<'a> Machine<'a> {
 
     /// Whether objects of the class are passed over: only beside tensors.
     pub(super) fn passes_over(&self, class: &str) -> bool {
-        self.storages.is_some() && is_passed_over(class)
+        matches!(self.outside, Outside::Members(_)) && is_passed_over(class)
     }
 
     pub(super) fn tuple_items(&self, id: NodeId) -> Result<&[NodeId], Fault> {

@@ -29,13 +29,23 @@ pub(super) struct Machine<'a> {
     marks: Vec<usize>,
     memo: HashMap<u32, NodeId>,
     pub(super) budget: &'a Budget,
-    /// Where persistent ids lead to; nowhere in a pickle that is a file of its own.
-    pub(super) storages: Option<&'a Storages<'a>>,
+    pub(super) outside: Outside<'a>,
+}
+
+/// Where persistent ids lead to.
+#[derive(Clone, Copy)]
+pub(super) enum Outside<'a> {
+    /// Nowhere: the pickle is a file of its own.
+    Nowhere,
+    /// To the members of an archive.
+    Members(&'a Storages<'a>),
+    /// To numbers behind the pickle: an id stays an id.
+    Behind,
 }
 
 impl<'a> Machine<'a> {
     /// A machine for a pickle, which may take what `budget` allows.
-    pub(super) fn new(bytes: &'a [u8], storages: Option<&'a Storages<'a>>, budget: &'a Budget) -> Self {
+    pub(super) fn new(bytes: &'a [u8], outside: Outside<'a>, budget: &'a Budget) -> Self {
         Self {
             cursor: Cursor::new(bytes),
             opcode_at: 0,
@@ -44,20 +54,25 @@ impl<'a> Machine<'a> {
             marks: Vec::new(),
             memo: HashMap::new(),
             budget,
-            storages,
+            outside,
         }
     }
 
     /// Executes the pickle up to its STOP and returns what it built.
     pub(super) fn run(mut self) -> Result<Value, Fault> {
+        let root = self.run_to_stop()?;
+        self.into_value(root)
+    }
+
+    /// Executes a pickle up to its STOP; what it built is a node. The next bytes may be another pickle.
+    pub(super) fn run_to_stop(&mut self) -> Result<NodeId, Fault> {
+        self.memo.clear();
         loop {
             self.opcode_at = self.cursor.position();
-            let opcode = self.cursor.byte()?;
-            if opcode == b'.' {
-                let root = self.pop()?;
-                return self.into_value(root);
+            match self.cursor.byte()? {
+                b'.' => return self.pop(),
+                opcode => self.execute(opcode)?,
             }
-            self.execute(opcode)?;
         }
     }
 
@@ -192,8 +207,14 @@ impl<'a> Machine<'a> {
             // What only an application can resolve
             b'Q' => {
                 let id = self.pop()?;
-                let node = self.stored_outside(id)?;
-                self.push(node)
+                match self.outside {
+                    Outside::Members(storages) => {
+                        let node = self.stored_in(storages, id)?;
+                        self.push(node)
+                    }
+                    Outside::Behind => self.push_id(id),
+                    Outside::Nowhere => Err(Fault::refused("an object stored outside the pickle (a persistent id)")),
+                }
             }
             b'P' => Err(Fault::refused("an object stored outside the pickle (a persistent id)")),
             0x97 | 0x98 => Err(Fault::refused("a buffer stored outside the pickle")),

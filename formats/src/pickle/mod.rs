@@ -5,7 +5,8 @@
 //! in [`callables`] and re-done in Rust; anything else that would be called is refused by its name. Memory is bounded
 //! by the file's [`Budget`], nesting by [`value::MAX_DEPTH`], so cycles and "billion laughs" are errors.
 //!
-//! Persistent ids lead to a PyTorch archive's storages ([`tensors`]), and are refused elsewhere; so are out-of-band buffers.
+//! Persistent ids lead to a PyTorch archive's storages ([`tensors`]), or to numbers packed beside them ([`packed_storage`]), and are
+//! refused elsewhere; so are out-of-band buffers.
 
 mod callables;
 mod cursor;
@@ -14,6 +15,7 @@ mod literals;
 mod machine;
 mod node;
 mod object;
+mod packed_storage;
 mod tensors;
 mod value;
 mod write;
@@ -21,7 +23,7 @@ mod write;
 use std::path::Path;
 
 pub use value::Value;
-pub use write::write_pickle;
+pub use write::{write_pickle, write_pickle_array};
 
 pub(super) use flatten::flatten;
 pub(super) use tensors::Storages;
@@ -30,6 +32,7 @@ use crate::budget::Budget;
 use crate::fault::Fault;
 use crate::input_file::read_bytes;
 use crate::{ArrayMap, Result};
+use machine::{Machine, Outside};
 
 const FORMAT: &str = "pickle";
 
@@ -80,7 +83,7 @@ pub fn parse_pickle_arrays(bytes: &[u8]) -> std::result::Result<ArrayMap, Fault>
 
 /// Interprets the bytes of a pickle that stands in a larger file.
 pub(super) fn interpret(bytes: &[u8], budget: &Budget) -> std::result::Result<Value, Fault> {
-    machine::Machine::new(bytes, None, budget).run()
+    Machine::new(bytes, Outside::Nowhere, budget).run()
 }
 
 /// Interprets the pickle of an archive whose tensors' numbers are in `storages`.
@@ -89,5 +92,5 @@ pub(super) fn interpret_with_tensors(
     storages: &Storages<'_>,
     budget: &Budget,
 ) -> std::result::Result<Value, Fault> {
-    machine::Machine::new(bytes, Some(storages), budget).run()
+    Machine::new(bytes, Outside::Members(storages), budget).run()
 }

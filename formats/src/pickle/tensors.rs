@@ -18,16 +18,23 @@ pub(crate) struct Storages<'a> {
     pub(crate) big_endian: bool,
 }
 
-/// A storage: numbers in one member.
+/// A storage: numbers in one place.
 #[derive(Clone, Copy)]
 pub(super) struct Storage<'a> {
-    bytes: &'a [u8],
-    element: StorageElement,
+    pub(super) bytes: &'a [u8],
+    pub(super) element: StorageElement,
+}
+
+/// What a persistent id says of a storage.
+pub(super) struct StorageId<'a> {
+    key: &'a str,
+    pub(super) element: StorageElement,
+    pub(super) count: i64,
 }
 
 /// What a storage's numbers are.
 #[derive(Clone, Copy, PartialEq)]
-enum StorageElement {
+pub(super) enum StorageElement {
     Numpy(ElementType),
     /// The upper half of an f32.
     BrainFloat {
@@ -38,7 +45,8 @@ enum StorageElement {
 impl StorageElement {
     /// By the name of the class, such as `torch.FloatStorage`.
     fn of_class(class: &str, big_endian: bool) -> Option<Self> {
-        let (kind, size) = match class.strip_prefix("torch.")?.strip_suffix("Storage")? {
+        let name = class.strip_prefix("torch.")?;
+        let (kind, size) = match name.strip_prefix("cuda.").unwrap_or(name).strip_suffix("Storage")? {
             "Double" => (ElementKind::Float, 8),
             "Float" => (ElementKind::Float, 4),
             "Half" => (ElementKind::Float, 2),
@@ -60,36 +68,45 @@ impl StorageElement {
             Self::BrainFloat { .. } => 2,
         }
     }
+
+    /// The bytes of `count` numbers, if there can be so many.
+    pub(super) fn bytes_of(self, count: i64) -> Option<usize> {
+        usize::try_from(count).ok()?.checked_mul(self.size())
+    }
 }
 
 impl<'a> Machine<'a> {
-    /// What a persistent id stands for.
-    pub(super) fn stored_outside(&self, id: NodeId) -> Result<Node<'a>, Fault> {
-        let Some(storages) = self.storages else {
-            return Err(Fault::refused("an object stored outside the pickle (a persistent id)"));
-        };
+    /// What a persistent id stands for among the members of an archive.
+    pub(super) fn stored_in(&self, storages: &Storages<'a>, id: NodeId) -> Result<Node<'a>, Fault> {
+        let StorageId { key, element, count } = self.storage_id(id, storages.big_endian)?;
+        let member = || format!("storage {}", excerpt(key));
+        let bytes = *storages.members.get(key).ok_or_else(|| Fault::malformed(member(), "missing", "a member"))?;
+        if element.bytes_of(count) != Some(bytes.len()) {
+            let expected = format_args!("{count} elements of {} bytes", element.size()).to_string();
+            return Err(Fault::malformed(member(), format_args!("{} bytes", bytes.len()), expected));
+        }
+        Ok(Node::Storage(Storage { bytes, element }))
+    }
+
+    /// What a persistent id says: `("storage", class, key, device, count)`, and of old files that no other storage is a part of it.
+    pub(super) fn storage_id(&self, id: NodeId, big_endian: bool) -> Result<StorageId<'_>, Fault> {
         let not_a_storage =
             || self.broken("another persistent id", "(\"storage\", a storage class, a key, a device, a count)");
-        let &[tag, class, key, _device, count] = self.tuple_items(id)? else { return Err(not_a_storage()) };
         let node = |id: NodeId| &self.nodes[id as usize];
-        let (Node::Text(tag), Node::Global(class), Node::Text(key), &Node::Int(count)) =
-            (node(tag), node(class), node(key), node(count))
-        else {
+        let parts = match *self.tuple_items(id)? {
+            [tag, class, key, _device, count] => [tag, class, key, count],
+            [tag, class, key, _device, count, view] if matches!(node(view), Node::None) => [tag, class, key, count],
+            _ => return Err(not_a_storage()),
+        };
+        let [Node::Text(tag), Node::Global(class), Node::Text(key), &Node::Int(count)] = parts.map(node) else {
             return Err(not_a_storage());
         };
         if tag != "storage" {
             return Err(not_a_storage());
         }
-        let element = StorageElement::of_class(class, storages.big_endian)
+        let element = StorageElement::of_class(class, big_endian)
             .ok_or_else(|| Fault::refused(format_args!("`{}`", excerpt(class).trim_matches('"'))))?;
-        let member = || format!("storage {}", excerpt(key));
-        let bytes =
-            *storages.members.get(key.as_ref()).ok_or_else(|| Fault::malformed(member(), "missing", "a member"))?;
-        if usize::try_from(count).ok().and_then(|count| count.checked_mul(element.size())) != Some(bytes.len()) {
-            let expected = format_args!("{count} elements of {} bytes", element.size()).to_string();
-            return Err(Fault::malformed(member(), format_args!("{} bytes", bytes.len()), expected));
-        }
-        Ok(Node::Storage(Storage { bytes, element }))
+        Ok(StorageId { key, element, count })
     }
 
     /// `torch._utils._rebuild_tensor_v2`: the elements at `offset + sum index * stride` of a storage.

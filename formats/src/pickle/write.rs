@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use crate::atomic_file::write_atomically;
-use crate::{ArrayData, ArrayMap};
+use crate::{Array, ArrayData, ArrayMap};
 use crate::{Error, Result};
 
 /// The first protocol with an opcode for bytes; Python 3 reads it from 3.0 on.
@@ -15,34 +15,49 @@ const PROTOCOL: u8 = 3;
 /// # Errors
 /// [`Error::Io`] if the file cannot be written; [`Error::Value`] if an array has 4 GiB or more.
 pub fn write_pickle(path: impl AsRef<Path>, arrays: &ArrayMap) -> Result<()> {
-    let path = path.as_ref();
     let mut pickle = vec![0x80, PROTOCOL, b'}'];
     for (name, array) in arrays {
-        if array.data.bytes() > u32::MAX as usize {
-            return Err(Error::Value {
-                name: format!("array `{name}`"),
-                found: format!("{} bytes", array.data.bytes()),
-                expected: "less than 4 GiB".into(),
-            });
-        }
         text(&mut pickle, name);
-        match &array.data {
-            ArrayData::Text(value) => text(&mut pickle, value),
-            ArrayData::U8(values) => numpy_array(&mut pickle, &array.shape, "|", "u1", values),
-            ArrayData::I64(values) => {
-                numpy_array(&mut pickle, &array.shape, "<", "i8", &little_endian(values, |v| v.to_le_bytes()))
-            }
-            ArrayData::F32(values) => {
-                numpy_array(&mut pickle, &array.shape, "<", "f4", &little_endian(values, |v| v.to_le_bytes()))
-            }
-            ArrayData::F64(values) => {
-                numpy_array(&mut pickle, &array.shape, "<", "f8", &little_endian(values, |v| v.to_le_bytes()))
-            }
-        }
+        value(&mut pickle, name, array)?;
         pickle.push(b's');
     }
     pickle.push(b'.');
-    write_atomically(path, |writer| writer.write_all(&pickle))
+    write_atomically(path.as_ref(), |writer| writer.write_all(&pickle))
+}
+
+/// Writes one numpy array, as [`write_pickle`] does several.
+///
+/// # Errors
+/// As [`write_pickle`].
+pub fn write_pickle_array(path: impl AsRef<Path>, array: &Array) -> Result<()> {
+    let mut pickle = vec![0x80, PROTOCOL];
+    value(&mut pickle, "of the file", array)?;
+    pickle.push(b'.');
+    write_atomically(path.as_ref(), |writer| writer.write_all(&pickle))
+}
+
+fn value(pickle: &mut Vec<u8>, name: &str, array: &Array) -> Result<()> {
+    if array.data.bytes() > u32::MAX as usize {
+        return Err(Error::Value {
+            name: format!("array `{name}`"),
+            found: format!("{} bytes", array.data.bytes()),
+            expected: "less than 4 GiB".into(),
+        });
+    }
+    match &array.data {
+        ArrayData::Text(value) => text(pickle, value),
+        ArrayData::U8(values) => numpy_array(pickle, &array.shape, "|", "u1", values),
+        ArrayData::I64(values) => {
+            numpy_array(pickle, &array.shape, "<", "i8", &little_endian(values, |v| v.to_le_bytes()));
+        }
+        ArrayData::F32(values) => {
+            numpy_array(pickle, &array.shape, "<", "f4", &little_endian(values, |v| v.to_le_bytes()));
+        }
+        ArrayData::F64(values) => {
+            numpy_array(pickle, &array.shape, "<", "f8", &little_endian(values, |v| v.to_le_bytes()));
+        }
+    }
+    Ok(())
 }
 
 fn little_endian<T: Copy, const SIZE: usize>(values: &[T], bytes: fn(T) -> [u8; SIZE]) -> Vec<u8> {

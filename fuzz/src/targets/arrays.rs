@@ -71,6 +71,8 @@ pub(super) fn pickle_seeds() -> Vec<Vec<u8>> {
         include_bytes!("../../../tests/golden/pickles/smplx-p2.pkl").to_vec(),
         include_bytes!("../../../tests/golden/pickles/smplx-p4.pkl").to_vec(),
         include_bytes!("../../../tests/golden/motions/pymaf_x.pkl").to_vec(),
+        // After the header of an npy: tensors.
+        include_bytes!("../../../tests/fixtures/motions/tram.npy")[128..].to_vec(),
     ]
 }
 

@@ -91,7 +91,7 @@ fn file(preset: &str, settings: &[(&str, &str)]) -> Option<TensorFile> {
     let bounds = (Vec3::splat(-1.3), Vec3::splat(1.3));
     let subject = Subject::of(body, Gender::Neutral, betas, bounds, 1).ok()?;
     let poser = Poser::for_training(&config, body, built_in.part_labels(), betas, bounds).ok()?;
-    let skinning = poser.initial_skinning(body).ok()?;
+    let skinning = poser.initial_skinning(body, |grid| Ok(grid.body_rows(body))).ok()?;
     let mut fields = Fields::new(&config.fields, &subject.condition(), skinning, bounds).ok()?;
     fields.initialise(1);
     let folder = std::env::temp_dir().join(format!("xavatar-fuzz-{}-{preset}.safetensors", std::process::id()));

@@ -2,6 +2,7 @@
 
 mod arrays;
 mod avatars;
+mod landmarks;
 mod meshes;
 mod pictures;
 mod requests;
@@ -34,6 +35,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "glb_chunks", read: meshes::glb_chunks, seeds: meshes::glb_chunks_seeds },
     Target { name: "avatar", read: avatars::avatar, seeds: avatars::avatar_seeds },
     Target { name: "avatar_texts", read: avatars::avatar_texts, seeds: avatars::avatar_texts_seeds },
+    Target { name: "landmarks", read: landmarks::landmarks, seeds: landmarks::landmarks_seeds },
     Target { name: "request", read: requests::request, seeds: requests::request_seeds },
     Target { name: "pose", read: requests::pose, seeds: requests::pose_seeds },
     Target { name: "mesh_message", read: requests::mesh_message, seeds: requests::mesh_message_seeds },

@@ -9,6 +9,7 @@
 //! capped at the box. Why not a crate: `marching-cubes` 0.1.2 indexes out of bounds on a cell with one inside corner, its
 //! `glam` feature does not compile, and like `mcubes` it returns a soup of unconnected triangles of one cell at a time.
 
+mod ball;
 mod cases;
 mod error;
 mod follow;
@@ -22,7 +23,7 @@ pub use self::error::ExtractionError;
 use self::follow::follow_surface;
 use self::lattice::{Box3, SparseLattice, corner};
 use self::samples::Samples;
-use crate::{Colouring, TriangleMesh};
+use crate::{Colouring, Component, TriangleMesh, largest_component};
 
 /// Most cells along the longest side of a grid.
 pub const FINEST_RESOLUTION: usize = 512;
@@ -77,6 +78,34 @@ pub fn extract(
         return Err(samples.no_surface());
     }
     Ok(polygonise(&crossed, &samples, lattice))
+}
+
+/// The largest part of the surface `field = level`, without handles: a ball, topologically. Where the field has bridges or tunnels the lattice
+/// points that change sides are as few as are found; elsewhere it is the surface of [`extract`].
+///
+/// # Errors
+/// As [`extract`].
+pub fn extract_ball(
+    field: &(dyn Fn(&[Vec3], &mut [f32]) + Sync),
+    grid: ExtractionGrid,
+) -> Result<Component, ExtractionError> {
+    let lattice = Box3::new(&grid)?;
+    let mut samples = Samples::new(field, &grid, lattice);
+    let crossed = follow_surface(&mut samples)?;
+    if crossed.is_empty() {
+        return Err(samples.no_surface());
+    }
+    let largest = largest_component(&polygonise(&crossed, &samples, lattice).mesh);
+    if is_ball(&largest.mesh) {
+        return Ok(largest);
+    }
+    let crossed = ball::mend(&mut samples, &crossed)?;
+    Ok(Component { others: largest.others, ..largest_component(&polygonise(&crossed, &samples, lattice).mesh) })
+}
+
+/// Whether V - E + F = 2, for a closed surface in one part.
+fn is_ball(mesh: &TriangleMesh) -> bool {
+    2 * mesh.vertices.len() == mesh.faces.len() + 4
 }
 
 /// The triangles of all crossed cells; a lattice edge has one vertex, shared by the cells around it.

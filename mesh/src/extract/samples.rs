@@ -81,6 +81,15 @@ impl<'a> Samples<'a> {
         self.depths.get(point)
     }
 
+    /// Puts a point that was evaluated on a side, as deep as it was on its own.
+    pub(super) fn take_to(&mut self, point: UVec3, inside: bool) {
+        if self.is_inside(point) != inside {
+            let depth = self.depths.entry(point);
+            let magnitude = depth.abs().max(f32::MIN_POSITIVE);
+            *depth = if inside { magnitude } else { -magnitude };
+        }
+    }
+
     pub(super) fn is_inside(&self, point: UVec3) -> bool {
         self.depth(point) > 0.0
     }

@@ -190,3 +190,75 @@ proptest! {
         }
     }
 }
+
+fn ball_of(distance: impl Fn(Vec3) -> f32 + Sync, grid: ExtractionGrid) -> Component {
+    extract_ball(&|points, values| points.iter().zip(values).for_each(|(&p, v)| *v = distance(p)), grid).unwrap()
+}
+
+fn assert_ball(mesh: &TriangleMesh) {
+    let topology = Topology::of(mesh);
+    assert!(topology.is_watertight(), "{topology:?}");
+    assert_eq!((topology.euler_characteristic(), topology.components), (2, 1));
+}
+
+// A torso and an arm beside it, joined at the shoulder; in the armpit a thread joins them once more, and a needle has pierced the torso.
+#[test]
+fn handles_are_cut_or_filled_and_the_rest_stays() {
+    let capsule = |p: Vec3, a: Vec3, b: Vec3, radius: f32| {
+        let along = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+        (p - a - (b - a) * along).length() - radius
+    };
+    let sound = |p: Vec3| {
+        let torso = capsule(p, Vec3::NEG_Y * 0.5, Vec3::Y * 0.5, 0.2);
+        torso.min(capsule(p, Vec3::Y * 0.5, Vec3::new(0.7, -0.3, 0.0), 0.1))
+    };
+    let thread = |p: Vec3| capsule(p, Vec3::ZERO, Vec3::X * 0.45, 0.03);
+    let needle = |p: Vec3| capsule(p, Vec3::new(0.0, -0.4, -0.5), Vec3::new(0.0, -0.4, 0.5), 0.02);
+    let faulty = |p: Vec3| sound(p).min(thread(p)).max(-needle(p));
+    for resolution in [60, 97, 128] {
+        let cell = 2.0 / resolution as f32;
+        let found = extract_distance(faulty, grid(1.0, resolution)).unwrap();
+        assert_eq!(Topology::of(&found).euler_characteristic(), -2, "{resolution}: two handles");
+        let mesh = ball_of(faulty, grid(1.0, resolution)).mesh;
+        assert_ball(&mesh);
+        for vertex in mesh.vertices.iter().filter(|vertex| thread(**vertex).min(needle(**vertex)) > 2.0 * cell) {
+            assert!(found.vertices.contains(vertex), "{resolution}: {vertex} was no handle's");
+        }
+        // The torso is whole where the needle was, and the thread is severed, not the shoulder or a way around the needle.
+        let volume = |mesh: &TriangleMesh| mesh.volume() as f32;
+        let sound = volume(&extract_distance(sound, grid(1.0, resolution)).unwrap());
+        assert!((volume(&mesh) - sound).abs() < 0.02 * sound, "{resolution}: {} of {sound}", volume(&mesh));
+    }
+}
+
+#[test]
+fn a_surface_without_handles_is_the_extracted_one() {
+    let hand = ball_of(hand, grid(0.3, 128));
+    assert_ball(&hand.mesh);
+    let extracted = extract_distance(self::hand, grid(0.3, 128)).unwrap();
+    assert_eq!((hand.mesh.vertices, hand.mesh.faces, hand.others), (extracted.vertices, extracted.faces, 0));
+}
+
+#[test]
+fn a_ring_is_opened_and_other_parts_and_cavities_are_left_out() {
+    assert_ball(&ball_of(torus, grid(1.0, 50)).mesh);
+    let parts = |p: Vec3| torus(p).max(-(torus(p) + 0.12)).min((p - Vec3::splat(0.8)).length() - 0.1);
+    let ball = ball_of(parts, grid(1.0, 64));
+    assert_ball(&ball.mesh);
+    assert_eq!(ball.others, 2);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    // Sums of waves have any number of handles, parts and cavities.
+    #[test]
+    fn of_any_field_one_ball_is_left(seed in 0_u32..1000, roughness in 3.0_f32..14.0, resolution in 9_usize..40) {
+        let phase = |k: u32| (seed * 7 + k * 131) as f32 * 0.61;
+        let field = move |p: Vec3| {
+            let wave = |k: u32| (roughness * p.dot(Vec3::new(phase(k).sin(), phase(k + 3).cos(), phase(k + 5).sin())) + phase(k)).sin();
+            p.length() - 0.6 + 0.3 * (wave(1) + wave(2) * wave(3))
+        };
+        assert_ball(&ball_of(field, grid(1.0, resolution)).mesh);
+    }
+}

@@ -11,9 +11,8 @@ use crate::ReadMesh;
 use crate::colours::byte_colours;
 use crate::draft::{Draft, Paint, Triangle};
 use crate::notes::{Loss, Note, counted, listed, missing_pictures};
-use crate::text::decode;
 use crate::texture::{Pictures, find_referenced};
-use xavatar_formats::{Result, read_bytes};
+use xavatar_formats::{Result, decode_text, read_bytes};
 
 /// Reads the OBJ file at `path`, which holds `bytes`, with the MTL files and pictures that it refers to.
 ///
@@ -21,7 +20,7 @@ use xavatar_formats::{Result, read_bytes};
 /// [`Error::Malformed`] for a file that does not follow the format, or a picture that is none; [`Error::Io`] and
 /// [`Error::Mismatch`] for pictures that cannot be opened or are too many.
 pub(crate) fn read_obj(path: &Path, bytes: &[u8]) -> Result<ReadMesh> {
-    let statements = parse_obj(&decode(bytes)).map_err(|fault| fault.in_file(path, "OBJ"))?;
+    let statements = parse_obj(&decode_text(bytes)).map_err(|fault| fault.in_file(path, "OBJ"))?;
     let mut missing = Missing::default();
     let library = Library::read(path, &statements.material_files, &mut missing)?;
     let coats = Coats::of(path, &statements, &library, &mut missing)?;
@@ -108,7 +107,7 @@ impl Library {
             }
             for file in files {
                 let bytes = read_bytes(&file)?;
-                let materials = parse_mtl(&decode(&bytes)).into_iter();
+                let materials = parse_mtl(&decode_text(&bytes)).into_iter();
                 library.materials.extend(materials.map(|(name, material)| (name, (file.clone(), material))));
             }
         }

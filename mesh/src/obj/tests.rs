@@ -65,6 +65,20 @@ fn round_trip_is_the_identity_with_vertex_colours_and_with_a_texture() {
 }
 
 #[test]
+fn a_written_material_does_not_shine() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = image::RgbImage::from_pixel(2, 2, image::Rgb([9, 8, 7]));
+    let colouring = Colouring::Texture { uvs: vec![glam::Vec2::ZERO; 3], image: image.into() };
+    let mesh =
+        TriangleMesh { vertices: vec![Vec3::ZERO, Vec3::X, Vec3::Y], faces: vec![[0, 1, 2]], normals: None, colouring };
+    write_obj(folder.path().join("skin.obj"), &mesh).unwrap();
+    let material = std::fs::read_to_string(folder.path().join("skin.mtl")).unwrap();
+    for statement in ["Ks 0 0 0", "illum 1", "Ka 0 0 0", "Kd 1 1 1", "map_Kd skin.png"] {
+        assert!(material.lines().any(|line| line == statement), "{statement} is not in {material}");
+    }
+}
+
+#[test]
 fn corners_with_normals_of_their_own_split_vertices_which_keep_their_numbers() {
     let mesh = whole(TWO_FACES);
     assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3]]);

@@ -7,6 +7,10 @@ use crate::texture::write_texture;
 use crate::{Colouring, TriangleMesh};
 use xavatar_formats::{Error, Result, write_atomically};
 
+/// Diffuse light alone: what a file leaves unsaid, readers take to be half glossy, and skin shines as if wet. Ambient light would come on top
+/// of a scan's own.
+const MATT: &str = "newmtl surface\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nNs 0\nd 1\nillum 1\n";
+
 /// Writes an OBJ file; a textured mesh gets an MTL and a PNG of the same name beside it. Numbers are written so that
 /// reading them gives the same bits. Each file appears whole or not at all, the OBJ last.
 ///
@@ -38,7 +42,7 @@ fn write_material(path: &Path, image: &image::RgbImage) -> Result<String> {
     let (image_file, image_name) = beside("png")?;
     let (material_file, material_name) = beside("mtl")?;
     write_texture(&image_file, image)?;
-    write_atomically(&material_file, |writer| write!(writer, "newmtl surface\nKd 1 1 1\nmap_Kd {image_name}\n"))?;
+    write_atomically(&material_file, |writer| writeln!(writer, "{MATT}map_Kd {image_name}"))?;
     Ok(material_name)
 }
 

@@ -11,10 +11,9 @@ use super::vertices::{Vertices, read_vertices};
 use crate::Parsed;
 use crate::draft::{Corner, Draft, Paint, Triangle, vertex_colouring};
 use crate::notes::{Loss, Note, colour_notes, counted, listed, missing_pictures};
-use crate::text::decode;
 use crate::texture::{Pictures, find_referenced};
 use crate::{Colouring, ReadMesh, TriangleMesh};
-use xavatar_formats::{Fault, Result, excerpt};
+use xavatar_formats::{Fault, Result, decode_text, excerpt};
 
 /// Reads the PLY file at `path`, which holds `bytes`, with the pictures that it refers to.
 ///
@@ -24,7 +23,7 @@ use xavatar_formats::{Fault, Result, excerpt};
 /// cannot be opened or are too many.
 pub(crate) fn read_ply(path: &Path, bytes: &[u8]) -> Result<ReadMesh> {
     // Ascii files of some Windows programs.
-    let text = (!bytes.starts_with(b"ply")).then(|| decode(bytes));
+    let text = (!bytes.starts_with(b"ply")).then(|| decode_text(bytes));
     let content =
         parse_ply(text.as_deref().map_or(bytes, str::as_bytes)).map_err(|fault| fault.in_file(path, "PLY"))?;
     content.into_mesh(path)

@@ -59,7 +59,7 @@ pub struct Render {
     #[arg(long)]
     turntable: bool,
     /// Show the scans of a subject beside the avatar in the same poses, and how far they are apart
-    #[arg(long, value_name = "DATA", conflicts_with_all = ["motion", "up", "hands", "source_fps", "smooth"])]
+    #[arg(long, value_name = "DATA", conflicts_with_all = ["motion", "up", "hands", "source_fps", "smooth", "ground"])]
     against: Option<PathBuf>,
     /// Which frames of --against
     #[arg(long, value_enum, default_value_t = Split::Test, requires = "against")]

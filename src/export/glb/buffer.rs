@@ -43,8 +43,9 @@ impl Buffer {
             "componentType": FLOAT, "count": values.len(), "type": "VEC3", "min": low, "max": high,
             "sparse": {
                 "count": moved.len(),
-                "indices": { "bufferView": indices, "componentType": UNSIGNED_INT },
-                "values": { "bufferView": entries },
+                // The offsets are those that are meant without them, but VTK wants them said.
+                "indices": { "bufferView": indices, "byteOffset": 0, "componentType": UNSIGNED_INT },
+                "values": { "bufferView": entries, "byteOffset": 0 },
             },
         }))
     }

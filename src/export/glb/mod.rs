@@ -4,7 +4,9 @@
 //! `gltf-json` ask for every absent member of every object, and it is the Khronos validator that decides (`scripts/validate-glb.sh`).
 
 mod buffer;
+mod targets;
 
+use std::borrow::Cow;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -12,6 +14,7 @@ use glam::{Mat4, Vec3};
 use serde_json::{Value, json};
 
 use self::buffer::Buffer;
+use self::targets::Targets;
 use super::rig::{Animation, RiggedMesh};
 use crate::mesh::{Colouring, encode_png};
 use crate::{Error, InputError, Result};
@@ -38,14 +41,15 @@ pub fn write_glb(path: impl AsRef<Path>, rigged: &RiggedMesh) -> Result<()> {
     let path = path.as_ref();
     rigged.mesh.check()?;
     let mut buffer = Buffer::default();
+    let targets = Targets::of(rigged);
     let mut document = json!({
         "asset": { "version": "2.0", "generator": concat!("xavatar ", env!("CARGO_PKG_VERSION")) },
         "scene": 0,
         "scenes": [{ "nodes": [MESH_NODE, joint_node(0)] }],
         "nodes": nodes(rigged),
-        "meshes": [mesh(rigged, &mut buffer)],
+        "meshes": [mesh(rigged, &targets, &mut buffer)],
         "skins": [skin(rigged, &mut buffer)],
-        "animations": [animation(rigged, &mut buffer)],
+        "animations": [animation(rigged, &targets, &mut buffer)],
         "materials": [material(&rigged.mesh.colouring)],
     });
     if let Colouring::Texture { image, .. } = &rigged.mesh.colouring {
@@ -105,7 +109,7 @@ fn nodes(rigged: &RiggedMesh) -> Vec<Value> {
     nodes
 }
 
-fn mesh(rigged: &RiggedMesh, buffer: &mut Buffer) -> Value {
+fn mesh(rigged: &RiggedMesh, targets: &Targets, buffer: &mut Buffer) -> Value {
     let mesh = &rigged.mesh;
     let mut attributes = json!({ "POSITION": buffer.positions(&mesh.vertices) });
     let normals = mesh.normals.clone().unwrap_or_else(|| mesh.vertex_normals());
@@ -133,12 +137,12 @@ fn mesh(rigged: &RiggedMesh, buffer: &mut Buffer) -> Value {
     let indices = buffer.indices(&mesh.faces);
     let mut primitive = json!({ "attributes": attributes, "indices": indices, "material": 0 });
     let mut value = json!({ "name": "avatar" });
-    if !rigged.morphs.is_empty() {
-        let target = |morph: &super::Morph| json!({ "POSITION": buffer.offsets(&morph.offsets) });
-        primitive["targets"] = rigged.morphs.iter().map(target).collect();
-        value["weights"] = vec![0.0; rigged.morphs.len()].into();
+    if !targets.names.is_empty() {
+        let target = |offsets: &Cow<[Vec3]>| json!({ "POSITION": buffer.offsets(offsets) });
+        primitive["targets"] = targets.offsets.iter().map(target).collect();
+        value["weights"] = vec![0.0; targets.names.len()].into();
         // The names' place by agreement of Blender, three.js and others.
-        value["extras"] = json!({ "targetNames": rigged.morphs.iter().map(|morph| &morph.name).collect::<Vec<_>>() });
+        value["extras"] = json!({ "targetNames": targets.names });
     }
     value["primitives"] = json!([primitive]);
     value
@@ -150,7 +154,7 @@ fn skin(rigged: &RiggedMesh, buffer: &mut Buffer) -> Value {
     json!({ "inverseBindMatrices": buffer.matrices(matrices), "joints": joints, "skeleton": joint_node(0) })
 }
 
-fn animation(rigged: &RiggedMesh, buffer: &mut Buffer) -> Value {
+fn animation(rigged: &RiggedMesh, targets: &Targets, buffer: &mut Buffer) -> Value {
     let animation = &rigged.animation;
     let times: Vec<f32> = (0..animation.frames()).map(|frame| frame as f32 / animation.frames_per_second).collect();
     let times = buffer.times(&times);
@@ -159,15 +163,15 @@ fn animation(rigged: &RiggedMesh, buffer: &mut Buffer) -> Value {
         channels.push(json!({ "sampler": samplers.len(), "target": { "node": node, "path": path } }));
         samplers.push(json!({ "input": times, "output": output, "interpolation": "LINEAR" }));
     };
-    let Animation { rotations, root_translations, morph_weights, .. } = animation;
+    let Animation { rotations, root_translations, .. } = animation;
     let translations: Vec<f32> = root_translations.iter().flat_map(Vec3::to_array).collect();
     channel(joint_node(0), "translation", buffer.keys(&translations, 3));
     for joint in 0..rigged.joints.len() {
         let keys: Vec<f32> = rotations.iter().flat_map(|frame| frame[joint].to_array()).collect();
         channel(joint_node(joint), "rotation", buffer.keys(&keys, 4));
     }
-    if !morph_weights.is_empty() {
-        channel(MESH_NODE, "weights", buffer.keys(morph_weights, 1));
+    if !targets.names.is_empty() {
+        channel(MESH_NODE, "weights", buffer.keys(&targets.keys(), 1));
     }
     json!({ "name": animation.name, "samplers": samplers, "channels": channels })
 }

@@ -7,7 +7,7 @@ use super::{Kind, Skinning};
 use crate::Result;
 use crate::body::{BodyModel, PartLabels, Skeleton};
 use crate::config::{SkinningSettings, SkinningShape, Starts};
-use crate::fields::{CanonicalGrid, start_groups, union_start_groups};
+use crate::fields::{CanonicalGrid, NodeRows, start_groups, union_start_groups};
 
 /// What the skinning fields of one configuration and one body have in common.
 #[derive(Debug)]
@@ -31,14 +31,21 @@ impl SkinningBinding {
         }))
     }
 
-    /// The field that training begins with: a network of zeros, or the body model's weights at the nodes.
+    /// The field that training begins with: a network of zeros, or what `rows` finds for the nodes of the grid.
     ///
     /// # Errors
-    /// If an extent is out of range, or a place on the body has no weights.
-    pub fn initial(&self, body: &BodyModel) -> Result<Skinning<f32>> {
+    /// If an extent is out of range, or a node has no weights; those of `rows`.
+    pub fn initial(
+        &self,
+        body: &BodyModel,
+        rows: impl FnOnce(&CanonicalGrid) -> Result<NodeRows>,
+    ) -> Result<Skinning<f32>> {
         match &self.0 {
             Bound::Network(shape) => Skinning::network(shape, body.skeleton()),
-            Bound::Grid(grid) => Ok(Skinning::grid(grid.skinning(body)?)),
+            Bound::Grid(grid) => {
+                let rows = rows(grid)?;
+                Ok(Skinning::worn_grid(grid.skinning_of(body, &rows)?, rows.worn))
+            }
         }
     }
 
@@ -60,9 +67,14 @@ impl SkinningBinding {
     /// If the field is on another grid.
     pub fn prune_starts(&self, skinning: &mut Skinning<f32>, groups: &StartGroups) -> Result<()> {
         match (&self.0, &mut skinning.0) {
-            (Bound::Grid(grid), Kind::Grid(field)) => grid.prune_starts(field, groups),
+            (Bound::Grid(grid), Kind::Grid(field)) => grid.prune_starts(field, groups, &skinning.1),
             _ => Ok(()),
         }
+    }
+
+    /// Whether something is worn at a point, as far as the skinning field knows.
+    pub fn is_worn_at(&self, skinning: &Skinning<f32>, point: Vec3) -> bool {
+        matches!(&self.0, Bound::Grid(grid) if grid.is_worn_at(&skinning.1, point))
     }
 
     /// The offsets at a grid's nodes (R) of a body whose vertices move by `offsets` (V).

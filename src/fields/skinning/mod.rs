@@ -24,9 +24,9 @@ use crate::Result;
 use crate::body::Skeleton;
 use crate::config::{SearchedField, SkinningShape};
 
-/// The field of skinning weights.
+/// The field of skinning weights; of a grid also which nodes (R) something is worn at, if that is known.
 #[derive(Clone, Debug)]
-pub struct Skinning<T>(Kind<T>);
+pub struct Skinning<T>(Kind<T>, Vec<bool>);
 
 #[derive(Clone, Debug)]
 enum Kind<T> {
@@ -44,12 +44,17 @@ impl<T: Real> Skinning<T> {
     pub fn network(shape: &SkinningShape, skeleton: &Skeleton) -> Result<Self> {
         let tree = KinematicTree::new(&skeleton.parents)?;
         let field = SkinningField::new(tree, shape.depth, shape.width, shape.frequencies, shape.blend.into())?;
-        Ok(Self(Kind::Network(field)))
+        Ok(Self(Kind::Network(field), Vec::new()))
     }
 
     /// A field that is a grid.
     pub fn grid(field: VoxelSkinning<T>) -> Self {
-        Self(Kind::Grid(field))
+        Self::worn_grid(field, Vec::new())
+    }
+
+    /// A field that is a grid, with the nodes (R) that something is worn at, or none if that is not known.
+    pub fn worn_grid(field: VoxelSkinning<T>, worn: Vec<bool>) -> Self {
+        Self(Kind::Grid(field), worn)
     }
 
     /// Draws a network's parameters; a grid has its own from the body model.

@@ -17,13 +17,15 @@ const AXES: [&str; 3] = ["skinning.axis_x", "skinning.axis_y", "skinning.axis_z"
 const BONE_COUNTS: &str = "skinning.bone_counts";
 const BONES: &str = "skinning.bones";
 const LOGITS: &str = "skinning.logits";
+/// Numbers of the nodes that something is worn at, if any; avatars of before have none.
+const WORN: &str = "skinning.worn";
 
 impl Skinning<f32> {
     /// Stores the field.
     pub(crate) fn insert_into(&self, file: &mut TensorFile) {
         match &self.0 {
             Kind::Network(field) => insert_network(file, NAME, field.mlp()),
-            Kind::Grid(field) => insert_grid(file, field),
+            Kind::Grid(field) => insert_grid(file, field, &self.1),
         }
     }
 
@@ -36,7 +38,11 @@ impl Skinning<f32> {
     ) -> Result<Self> {
         match settings {
             SkinningSettings::Network(shape) => Self::network(shape, skeleton),
-            SkinningSettings::Voxels(_) => Ok(Self::grid(read_grid(skeleton.joints.len(), file, path)?)),
+            SkinningSettings::Voxels(_) => {
+                let field = read_grid(skeleton.joints.len(), file, path)?;
+                let worn = read_worn(file, field.baked().grid().len());
+                Ok(Self::worn_grid(field, worn))
+            }
         }
     }
 
@@ -59,7 +65,7 @@ impl Skinning<f32> {
     }
 }
 
-fn insert_grid(file: &mut TensorFile, field: &VoxelSkinning<f32>) {
+fn insert_grid(file: &mut TensorFile, field: &VoxelSkinning<f32>, worn: &[bool]) {
     let mut insert = |name: &str, values: Vec<f32>| {
         file.tensors.insert(name.into(), (vec![values.len()], values));
     };
@@ -71,6 +77,22 @@ fn insert_grid(file: &mut TensorFile, field: &VoxelSkinning<f32>) {
     insert(BONE_COUNTS, rows().map(|bones| bones.len() as f32).collect());
     insert(BONES, rows().flatten().map(|bone| f32::from(*bone)).collect());
     insert(LOGITS, field.parameters().to_vec());
+    let worn: Vec<f32> = (0..worn.len()).filter(|node| worn[*node]).map(|node| node as f32).collect();
+    if !worn.is_empty() {
+        insert(WORN, worn);
+    }
+}
+
+/// Which of `nodes` nodes something is worn at; none known if none is stored.
+fn read_worn(file: &TensorFile, nodes: usize) -> Vec<bool> {
+    let Some((_, numbers)) = file.tensors.get(WORN) else { return Vec::new() };
+    let mut worn = vec![false; nodes];
+    for node in numbers {
+        if let Some(flag) = worn.get_mut(*node as usize) {
+            *flag = true;
+        }
+    }
+    worn
 }
 
 fn read_grid(joints: usize, file: &TensorFile, path: &Path) -> Result<VoxelSkinning<f32>> {

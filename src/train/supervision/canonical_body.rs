@@ -127,6 +127,13 @@ impl<'a> CanonicalBody<'a> {
         self.unseen = SurfaceSampler::new(mesh, Some(&unseen)).ok();
     }
 
+    /// Lets what is worn be as far from the body as it is: there, distance says nothing of which side a point is on.
+    pub fn wear(&mut self, is_worn: impl Fn(Vec3) -> bool + Sync) {
+        if let Some(distances) = Arc::get_mut(&mut self.distances) {
+            distances.wear(CERTAINLY_OUTSIDE, is_worn);
+        }
+    }
+
     /// What every frame is trained on beside its own points: known weights where the skinning field follows them, and points of the
     /// canonical box whose side is known.
     pub fn anchors(&self, config: &Config, follows_weights: bool, random: &mut ChaCha8Rng) -> Anchors<f32> {

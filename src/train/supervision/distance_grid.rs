@@ -26,6 +26,18 @@ impl DistanceGrid {
         grid
     }
 
+    /// Brings the nodes where something is worn within `reach` of the body, in the order of their distances.
+    pub fn wear(&mut self, reach: f32, is_worn: impl Fn(Vec3) -> bool + Sync) {
+        let half = reach / 2.0;
+        let positions: Vec<Vec3> = (0..self.values.len()).map(|index| self.position(index as u32)).collect();
+        self.values.par_iter_mut().zip(positions).filter(|(value, at)| **value > half && is_worn(*at)).for_each(
+            |(value, _)| {
+                // Half the reach is left for any distance beyond the other half.
+                *value = half + half * (*value - half) / (*value - half + reach);
+            },
+        );
+    }
+
     /// The nodes whose distance is below `level`.
     pub fn nodes_below(&self, level: f32) -> Vec<Vec3> {
         let below = self.values.iter().enumerate().filter(|(_, value)| **value < level);

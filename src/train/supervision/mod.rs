@@ -43,8 +43,23 @@ pub trait Supervision: Send + Sync {
     /// Adds the registered body's vertices (V) that it shows to `seen`.
     fn add_seen_vertices(&self, seen: &mut [bool]);
 
+    /// The scan and the registered body, if that is what it is of.
+    fn scan(&self) -> Option<ScannedBody<'_>> {
+        None
+    }
+
     /// What it takes in memory, about, bytes.
     fn size(&self) -> usize;
+}
+
+/// A scan with the body registered to it, in the body's frame.
+pub struct ScannedBody<'a> {
+    /// The scan.
+    pub mesh: &'a TriangleMesh,
+    /// Its solid.
+    pub solid: &'a SolidIndex,
+    /// The solid of the registered body.
+    pub body: &'a SolidIndex,
 }
 
 /// One frame of training data.

@@ -78,7 +78,8 @@ fn evaluate(predict: impl Fn(&ScanFrame, &Pose) -> Result<TriangleMesh>) -> Resu
     let body = body();
     let labels = labels(&ball(RADIUS));
     let baseline = SmplxD::fit(&body, (1..4).map(|number| Ok(frame(number)))).unwrap();
-    let evaluation = Evaluation { body: &body, labels: &labels, baseline: Some(&baseline), samples: 4000, seed: 3 };
+    let evaluation =
+        Evaluation { body: &body, labels: &labels, baseline: Some(&baseline), regions: false, samples: 4000, seed: 3 };
     let mut shown = 0;
     let report = evaluation.run((6..8).map(|number| Ok(frame(number))), predict, |_| shown += 1)?;
     assert_eq!(shown, report.per_frame.len());

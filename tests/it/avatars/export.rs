@@ -9,7 +9,7 @@ use tempfile::TempDir;
 use xavatar::avatar::{Avatar, FixedTopology, Subject};
 use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::config::{Config, SkinningSettings, VoxelShape};
-use xavatar::export::{RiggedMesh, Rigging, bake_texture, write_glb};
+use xavatar::export::{RiggedMesh, Rigging, bake_texture, ground_mesh, ground_motion, write_glb};
 use xavatar::fields::{CanonicalGrid, Fields, Skinning};
 use xavatar::mesh::{Colouring, ReadMesh, read_mesh, write_obj, write_ply};
 use xavatar::synthetic::{BuiltInSubject, Split};
@@ -98,6 +98,12 @@ impl Glb {
             positions.unwrap().map(|p| Vec3::from(p).as_dvec3()).collect()
         };
         reader.read_morph_targets().map(target).collect()
+    }
+
+    fn target_names(&self) -> Vec<String> {
+        let mesh = self.document.meshes().next().unwrap();
+        let extras: serde_json::Value = serde_json::from_str(mesh.extras().as_ref().unwrap().get()).unwrap();
+        serde_json::from_value(extras["targetNames"].clone()).unwrap()
     }
 
     /// The joints and weights of each vertex, all sets together.
@@ -214,6 +220,82 @@ fn the_files_own_skinning_is_the_fixed_topology() {
     }
 }
 
+// Blender clamps weights to [0, 1]; what plays must not change for it
+#[test]
+fn the_clip_keeps_every_weight_within_the_sliders_of_other_programs() {
+    let (avatar, mut frames) = (avatar(true), take(6));
+    for (frame, coefficient) in frames.iter_mut().zip([-1.5, 0.0, 0.7, 2.5, 0.2, -0.1]) {
+        frame.expression = vec![coefficient, 0.3];
+    }
+    let (rigged, _) = RIGGING.rig(&avatar, Some(subject().model()), &frames, RATE, |_, _| {}).unwrap();
+    assert!(rigged.animation.morph_weights.iter().any(|weight| *weight < -0.5), "nothing to keep within");
+    let glb = Glb::of(&rigged);
+    let poses = glb.poses().1;
+    assert!(poses.iter().flat_map(|pose| &pose.weights).all(|weight| (0.0..=1.0).contains(weight)));
+    for (index, vertices) in glb.animated().iter().enumerate() {
+        assert!(farthest(vertices, &rigged.posed(index)) < 1e-5);
+    }
+    // Expressions stay units of their coefficients; the clip moves a copy of those that leave the range, and the others themselves.
+    let names = glb.target_names();
+    let place = |name: &str| names.iter().position(|other| other == name);
+    let morphs = glb.morphs();
+    for (index, moved_by) in [(0, "clip_expression_0"), (1, "expression_1")] {
+        assert!(farthest(&morphs[index], &rigged.morphs[index].offsets) < 1e-6);
+        assert!(poses.iter().any(|pose| pose.weights[place(moved_by).unwrap()] > 0.0), "{moved_by}");
+    }
+    assert!(poses.iter().all(|pose| pose.weights[0] == 0.0 && pose.weights[place("clip_constant").unwrap()] == 1.0));
+    assert_eq!(place("clip_expression_1"), None);
+}
+
+#[test]
+fn offsets_that_readers_want_said_are_said() {
+    let (avatar, frames) = (avatar(true), take(6));
+    let (mut rigged, _) = RIGGING.rig(&avatar, Some(subject().model()), &frames, RATE, |_, _| {}).unwrap();
+    // A ball's expressions move all of it; those of a face do not.
+    rigged.morphs[0].offsets[9..].fill(Vec3::ZERO);
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("avatar.glb");
+    write_glb(&path, &rigged).unwrap();
+    let bytes = std::fs::read(path).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let document: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    let accessors = document["accessors"].as_array().unwrap();
+    let sparse: Vec<_> = accessors.iter().filter_map(|accessor| accessor.get("sparse")).collect();
+    assert!(!sparse.is_empty());
+    for part in sparse.iter().flat_map(|sparse| [&sparse["indices"], &sparse["values"]]) {
+        assert_eq!(part["byteOffset"], 0, "{part}");
+    }
+}
+
+#[test]
+fn what_is_grounded_stands_on_the_floor_and_moves_as_before() {
+    let (avatar, mut frames) = (avatar(true), take(5));
+    let body = subject().model();
+    let before = frames.clone();
+    let lift = ground_motion(&avatar, Some(body), &mut frames).unwrap();
+    for (moved, pose) in frames.iter().zip(&before) {
+        assert!((moved.translation - pose.translation).abs_diff_eq(Vec3::Y * lift, 1e-5), "jumps and steps stay");
+    }
+    let (mut rigged, _) = RIGGING.rig(&avatar, Some(body), &frames, RATE, |_, _| {}).unwrap();
+    let floor = |vertices: &[Vec3]| vertices.iter().map(|vertex| vertex.y).fold(f32::INFINITY, f32::min);
+    let posed: Vec<Vec<Vec3>> = (0..frames.len()).map(|frame| rigged.posed(frame)).collect();
+    let lowest = posed.iter().map(|vertices| floor(vertices)).fold(f32::INFINITY, f32::min);
+    // The motion is grounded by a finer surface than this one.
+    assert!(lowest.abs() < 0.02, "{lowest} m");
+    rigged.ground_bind_pose();
+    assert!(floor(&rigged.mesh.vertices).abs() < 1e-6);
+    let glb = Glb::of(&rigged);
+    for transform in glb.skinning_transforms(&glb.poses().0) {
+        assert!(transform.abs_diff_eq(DMat4::IDENTITY, 1e-5), "nothing moves in the bind pose");
+    }
+    for (vertices, before) in glb.animated().iter().zip(&posed) {
+        assert!(farthest(vertices, before) < 1e-5, "the clip stays where it is");
+    }
+    let mut mesh = avatar.extract_unconditioned(RIGGING.resolution).unwrap().mesh;
+    ground_mesh(&mut mesh);
+    assert_eq!(floor(&mesh.vertices), 0.0);
+}
+
 #[test]
 fn what_is_lost_without_correctives_is_reported() {
     let (avatar, frames) = (avatar(true), take(5));
@@ -259,9 +341,7 @@ fn skeleton_morphs_colours_and_clip_are_in_the_file() {
     let (_, turn) = poses[3].turns[&joints[18].index()];
     assert!(turn.to_scaled_axis().distance(elbow) < 1e-5);
 
-    let mesh = glb.document.meshes().next().unwrap();
-    let extras: serde_json::Value = serde_json::from_str(mesh.extras().as_ref().unwrap().get()).unwrap();
-    let names: Vec<_> = extras["targetNames"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
+    let names = glb.target_names();
     assert_eq!(names[9..11], ["expression_9", "corrective_0"]);
     assert_eq!(names.len(), glb.morphs().len());
 

@@ -5,8 +5,8 @@
 use glam::{Quat, Vec3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use xavatar::body::{Part, PartLabelSource, PartLabels, Registration, Role, smplx};
-use xavatar::evaluate::{FrameMetrics, PartMetrics, compare};
+use xavatar::body::{Part, PartLabelSource, PartLabels, Region, Registration, Role, smplx};
+use xavatar::evaluate::{FrameMetrics, PartMetrics, RegisteredRegions, compare, compare_regions};
 use xavatar::mesh::{TriangleMesh, read_mesh};
 
 const SAMPLES: usize = 20_000;
@@ -146,4 +146,32 @@ fn what_cannot_be_measured_is_an_error() {
     assert!(compare(&sphere, &empty, &registration, smplx::skeleton(), SAMPLES, &mut random).is_err());
     assert!(Registration::new(&sphere.vertices[1..], &labels).is_err(), "one label too many");
     assert!(Registration::new(&[Vec3::NAN], &PartLabels { parts: vec![BODY], ..labels.clone() }).is_err());
+}
+
+// A ball that is worn 20 mm off on one side of the body, and a second ball, off the body, that only the scan has.
+#[test]
+fn each_region_is_told_its_own_error_and_what_is_missing_off_the_body() {
+    let body = golden("sphere");
+    let labels = labels(vec![BODY; body.vertices.len()]);
+    let registration = Registration::new(&body.vertices, &labels).unwrap();
+    let is_left = |vertex: &Vec3| vertex.x > 0.0;
+    let region = |vertex: &Vec3| if is_left(vertex) { Region::Feet } else { Region::Legs };
+    let of_vertices: Vec<Region> = body.vertices.iter().map(region).collect();
+    let registered = RegisteredRegions::new(&registration, &body, &of_vertices).unwrap();
+    let radius = body.vertices[0].length();
+    let mut scan = body.clone();
+    for vertex in scan.vertices.iter_mut().filter(|vertex| is_left(vertex)) {
+        *vertex *= (radius + 0.02) / radius;
+    }
+    let ball = scan.vertices.len() as u32;
+    scan.vertices.extend(body.vertices.iter().map(|vertex| 0.1 * *vertex + Vec3::Y * (1.1 * radius + 0.1)));
+    scan.faces.extend(body.faces.iter().map(|face| face.map(|vertex| vertex + ball)));
+    scan.normals = None;
+    let found = compare_regions(&body, &scan, &registered, SAMPLES, &mut ChaCha8Rng::seed_from_u64(8)).unwrap();
+    assert_eq!(found.keys().copied().collect::<Vec<_>>(), [Region::Feet, Region::Legs, Region::OffBody]);
+    assert!((found[&Region::Feet].cd_mm - 20.0).abs() < 0.5, "{found:?}");
+    assert!(found[&Region::Legs].cd_mm < 0.5, "{found:?}");
+    let off = found[&Region::OffBody];
+    assert!(off.cd_mm > 100.0 && off.cd_max_mm > off.cd_mm, "measured from the scan alone: {off:?}");
+    assert!((found.values().map(|region| region.share).sum::<f64>() - 1.0).abs() < 1e-9, "every sample counts once");
 }

@@ -113,6 +113,11 @@ fn units_other_than_metres_are_named_and_mended() {
         let found = assert_mends(|frame| move_scan(frame, |point| point * factor), 1e-3);
         assert_problem(&found, Defect::Unit, &[unit, "--fix"]);
     }
+    // Too little for a unit, and too much for clothes.
+    for factor in [0.9, 1.06] {
+        let found = assert_mends(|frame| move_scan(frame, |point| point * factor), 0.01);
+        assert!(names(&found.problems).contains(&Defect::Unit), "{factor}: {found:#?}");
+    }
     let found = report_after(|frame| move_scan(frame, |point| point * 0.6));
     assert!(names(&found.problems).contains(&Defect::Unit), "{found:#?}");
     assert!(found.mend.is_some_and(|mend| (mend.scale * 0.6 - 1.0).abs() < 0.01), "{found:#?}");
@@ -161,6 +166,8 @@ fn mirror_images_are_named_and_mended_whatever_their_faces() {
 fn scans_elsewhere_are_named_and_mended() {
     let found = assert_mends(|frame| move_scan(frame, |point| point + Vec3::new(0.9, 0.0, -0.2)), 0.01);
     assert_problem(&found, Defect::Shifted, &["add -0.9", "to x"]);
+    let found = assert_mends(|frame| move_scan(frame, |point| point + Vec3::new(0.0, 0.05, 0.0)), 0.01);
+    assert_problem(&found, Defect::Shifted, &["add", "-0.05", "to y"]);
     let found = assert_mends(
         |frame| {
             let transl = frame.parameters.translation();
@@ -198,6 +205,15 @@ fn scans_of_other_frames_are_named_with_the_frame() {
 
 #[test]
 fn registrations_of_another_person_are_a_problem() {
+    // The poses of the scans, and the shape of someone else.
+    let folder = tempfile::tempdir().unwrap();
+    let mut shape = SUBJECT.betas().to_vec();
+    for (coefficient, other) in shape.iter_mut().zip([2.5, -2.0, 1.5, 1.0]) {
+        *coefficient += other;
+    }
+    write_subject(folder.path(), Gender::Neutral, &shape, FRAMES.iter().cloned().map(Ok)).unwrap();
+    let found = report(folder.path());
+    assert!(!found.is_fit() && found.mend.is_none(), "{found:#?}");
     // A pose and a shape that no frame has.
     let report = report_after(|frame| {
         let pose = &mut registered(frame).body_pose;

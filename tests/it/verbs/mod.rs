@@ -3,6 +3,7 @@
 mod body;
 mod check;
 mod cli;
+mod register;
 mod render;
 mod rgbd;
 mod runs;

@@ -78,6 +78,7 @@ fn a_damaged_checkpoint_gives_way_to_the_one_before() {
     }
     // Without any that can be read it begins at the beginning.
     checkpoints.iter().for_each(|checkpoint| std::fs::write(checkpoint, "damaged").unwrap());
+    std::fs::remove_file(run.join("avatar.safetensors")).unwrap();
     assert_outcome(&resume, 0, &["going on from the checkpoint before"]);
     assert!(avatar(&run) == whole);
 }

@@ -22,23 +22,23 @@ use std::path::Path;
 use super::{Motion, RestPose, Warning};
 use retarget::{Retargeting, Unusable};
 use skeleton::Bvh;
-use xavatar_formats::{Choice, Error, Remedy, Result, read_bytes};
+use xavatar_formats::{Choice, Error, Remedy, Result, decode_text, read_bytes};
 
 const FORMAT: &str = "BVH motion";
 const PERSON: &str = "the bones of a person, by names of a common skeleton";
 
 /// Whether a file that starts like this is a BVH file.
 pub(super) fn is_bvh(start: &[u8]) -> bool {
-    let start = String::from_utf8_lossy(start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start));
-    let first = start.lines().map(str::trim).find(|line| !line.is_empty() && !text::is_comment(line));
+    let start = decode_text(start);
+    let first = start.lines().map(|line| text::without_comment(line).trim()).find(|line| !line.is_empty());
     first.and_then(|line| line.get(..9)).is_some_and(|word| word.eq_ignore_ascii_case("HIERARCHY"))
 }
 
 /// Reads a motion onto the skeleton `rest`; `map`, where there is one, says which bone is which joint.
 pub(super) fn read(path: &Path, rest: &RestPose, map: Option<&BTreeMap<String, String>>) -> Result<Motion> {
     let bytes = read_bytes(path)?;
-    // Only names can be in another encoding, and they only have to stay apart.
-    let mut bvh = parse::parse(&String::from_utf8_lossy(&bytes)).map_err(|fault| fault.in_file(path, FORMAT))?;
+    // Only names can be in yet another encoding, and they only have to stay apart.
+    let mut bvh = parse::parse(&decode_text(&bytes)).map_err(|fault| fault.in_file(path, FORMAT))?;
     let mut warnings: Vec<Warning> = bvh.oddities.iter().map(Warning::plain).collect();
     if bvh.frame_time.is_none() {
         warnings.push(Warning::choosing(Choice::FrameRate, "the file says that no time passes between frames"));

@@ -50,8 +50,10 @@ fn hierarchy(words: &mut Words) -> Parsed<(Vec<Joint>, usize)> {
             ("MOTION", None) if !joints.is_empty() => return Ok((joints, width)),
             ("ROOT", None) => open.push(Some(add_joint(words, &mut joints, None)?)),
             ("JOINT", Some(Some(parent))) => open.push(Some(add_joint(words, &mut joints, Some(parent))?)),
-            ("END", Some(Some(_))) => {
-                words.keyword("Site")?;
+            (end @ ("END" | "ENDSITE"), Some(Some(_))) => {
+                if end == "END" {
+                    words.keyword("Site")?;
+                }
                 // Some tools name them.
                 words.rest_of_line();
                 words.keyword("{")?;
@@ -154,7 +156,11 @@ mod tests {
         for (from, to) in [
             ("HIERARCHY", "# made by a tool\n\n// on Monday\nHierarchy"),
             ("ROOT", "# the person\nroot"),
-            ("End Site", "End Site Toe_End"),
+            ("End Site", "End Site Toe_End # the toes"),
+            ("End Site", "EndSite"),
+            ("Left Leg {", "Left Leg // not Left Leg#2\n{"),
+            ("OFFSET 0.5 -1 0", "OFFSET 0.5 -1 0 # metres"),
+            ("4 5 6 0 0 90 10 20 30", "4 5 6 0 0 90 10 20 30 // frame 2"),
             ("Frames: 2", "Frames:2"),
             ("Frames: 2", "FRAMES : 2"),
             ("Frame Time: 0.04", "Frame Time:\t0.04"),

@@ -17,6 +17,7 @@ use super::upright::WorldUp;
 const UPRIGHT_BACK: f64 = 50.0;
 const SQUARE_SHOULDERS: f64 = 40.0;
 const HANGING_LEG: f64 = 50.0;
+const FOLDED_LEG: f64 = 150.0;
 const RAISED_ARM: f64 = 50.0;
 const STRAIGHT_ELBOW: f64 = 70.0;
 const LEVEL_COLLAR: f64 = 60.0;
@@ -87,9 +88,10 @@ impl<'a> RestPose<'a> {
     /// Looks at the joints of a skeleton at rest; `None` if hips or shoulders are in one place.
     pub(super) fn new(stance: &'a Stance) -> Option<Self> {
         let (trunk, legs) = (stance.trunk()?, stance.legs().unwrap_or_default());
-        // Legs spread or not, their middle goes on from the trunk.
-        let up = if trunk.dot(legs) < -0.5 { stance.top()? - stance.middle(ANKLES)? } else { trunk };
-        let axes = stance.axes(along_axis(up.try_normalize()?))?;
+        // Legs spread or not, their middle goes on from the trunk; of who sits the trunk alone is upright.
+        let whole = if trunk.dot(legs) < -0.5 { stance.top()? - stance.middle(ANKLES)? } else { trunk };
+        let whole = whole.try_normalize()?;
+        let axes = stance.axes(axis_along(whole).or_else(|| axis_along(trunk)).unwrap_or(whole))?;
         let mut rest = Self { stance, axes, wrong: Vec::new(), twisted: Vec::new() };
         rest.look();
         Some(rest)
@@ -106,11 +108,11 @@ impl<'a> RestPose<'a> {
     }
 
     pub(super) fn believes(&self, part: Part) -> bool {
-        // One arm, or a foot below a leg that is elsewhere, may be right by chance.
+        // One arm, an arm of a trunk or a foot of a leg that is elsewhere, may be right by chance.
         let with: &[Part] = match part {
             Part::Trunk | Part::Legs => &[],
             Part::LeftFoot | Part::RightFoot => &[Part::Legs],
-            Part::LeftArm | Part::RightArm => &[Part::LeftArm, Part::RightArm],
+            Part::LeftArm | Part::RightArm => &[Part::Trunk, Part::LeftArm, Part::RightArm],
         };
         let is_right = self.wrong.iter().all(|(wrong, ..)| *wrong != part && !with.contains(wrong));
         is_right && (self.twisted.is_empty() || part == Part::Trunk)
@@ -174,10 +176,15 @@ impl<'a> RestPose<'a> {
         }
         let across = own(stance.across_top());
         check(Part::Trunk, joint::SPINE3, across.map_or(0.0, |across| degrees(across, DVec3::X)), SQUARE_SHOULDERS);
+        let mut folded = 180.0f64;
         for joint in [HIPS, KNEES].concat() {
             let leg = own(stance.direction(joint));
-            check(Part::Legs, joint, leg.map_or(180.0, |leg| degrees(leg, DVec3::NEG_Y)), HANGING_LEG);
+            let off = leg.map_or(180.0, |leg| degrees(leg, DVec3::NEG_Y));
+            check(Part::Legs, joint, off, HANGING_LEG);
+            folded = folded.min(off);
         }
+        // Bones that lie along each other may all be turned about themselves: the back's too.
+        check(Part::Trunk, joint::LEFT_HIP, folded, FOLDED_LEG);
         for ((part, ankle), knee) in [Part::LeftFoot, Part::RightFoot].into_iter().zip(ANKLES).zip(KNEES) {
             let (Some(foot), Some(shin)) = (own(stance.direction(ankle)), own(stance.direction(knee))) else {
                 continue;
@@ -270,10 +277,10 @@ fn off_the_t_pose(stance: &Stance, part: Part) -> f64 {
     if sum.is_finite() { sum } else { f64::INFINITY }
 }
 
-/// The direction, or the axis of the file that it is close to.
-fn along_axis(direction: DVec3) -> DVec3 {
-    let axes = DVec3::AXES.into_iter().flat_map(|axis| [axis, -axis]);
-    axes.into_iter().find(|axis| degrees(direction, *axis) < ALONG_AXIS).unwrap_or(direction)
+/// The axis of the file that a direction is close to.
+fn axis_along(direction: DVec3) -> Option<DVec3> {
+    let mut axes = DVec3::AXES.into_iter().flat_map(|axis| [axis, -axis]);
+    axes.find(|axis| degrees(direction, *axis) < ALONG_AXIS)
 }
 
 /// Between two directions.

@@ -5,15 +5,15 @@
 
 use xavatar_formats::{Fault, excerpt};
 
-use super::text::{Parsed, is_comment};
+use super::text::{Parsed, without_comment};
 
 /// The values of all whole rows of `width`, and what was odd about them. `text` begins on the given line.
 pub(super) fn read(text: &str, line: usize, frames: usize, width: usize) -> Parsed<(Vec<f64>, Option<String>)> {
     let mut values = Vec::new();
     // The first line that is no row, and how many numbers it has.
     let mut uneven: Option<(usize, usize)> = None;
-    let mut lines =
-        text.split('\n').enumerate().filter(|(_, line)| !line.trim().is_empty() && !is_comment(line)).peekable();
+    let lines = text.split('\n').map(without_comment).enumerate();
+    let mut lines = lines.filter(|(_, line)| !line.trim().is_empty()).peekable();
     let mut rows = 0;
     let mut cut_off = 0;
     while let Some((index, content)) = lines.next() {

@@ -1,26 +1,25 @@
-//! The words of a BVH file, and the line that each stands on. Lines that begin with `#` or `//` are comments.
+//! The words of a BVH file, and the line that each stands on. What follows `#` or `//` is a comment.
 
 use xavatar_formats::{Fault, excerpt};
 
 pub(super) type Parsed<T> = std::result::Result<T, Fault>;
 
-/// Whether a line is a comment, which the format does not have but some tools write.
-pub(super) fn is_comment(line: &str) -> bool {
-    let line = line.trim_start();
-    line.starts_with('#') || line.starts_with("//")
+/// A line up to its comment, which the format does not have but some tools write; of a name such as `bone#1` nothing is one.
+pub(super) fn without_comment(line: &str) -> &str {
+    let marks = line.match_indices('#').chain(line.match_indices("//")).map(|(place, _)| place);
+    let begins = |place: &usize| line[..*place].chars().next_back().is_none_or(char::is_whitespace);
+    &line[..marks.filter(begins).min().unwrap_or(line.len())]
 }
 
 /// A text, read word by word.
 pub(super) struct Words<'a> {
     rest: &'a str,
     line: usize,
-    /// Whether the last word was the first of its line.
-    at_line_start: bool,
 }
 
 impl<'a> Words<'a> {
     pub(super) fn new(text: &'a str) -> Self {
-        Self { rest: text.trim_start_matches('\u{feff}'), line: 1, at_line_start: true }
+        Self { rest: text, line: 1 }
     }
 
     /// What has not been read, and the line that it begins on.
@@ -38,16 +37,16 @@ impl<'a> Words<'a> {
             None => end,
         };
         let (word, rest) = self.rest.split_at(end);
-        (self.rest, self.at_line_start) = (rest, false);
+        self.rest = rest;
         (!word.is_empty()).then_some(word)
     }
 
-    /// What is left of the line, up to an opening brace, which is left.
+    /// What is left of the line but a comment, up to an opening brace, which is left.
     pub(super) fn rest_of_line(&mut self) -> &'a str {
         let end = self.rest.find(['\n', '{']).unwrap_or(self.rest.len());
         let (line, rest) = self.rest.split_at(end);
         self.rest = rest;
-        line
+        without_comment(line)
     }
 
     pub(super) fn expect(&mut self, expected: &str) -> Parsed<&'a str> {
@@ -72,7 +71,7 @@ impl<'a> Words<'a> {
             return Err(self.fault(excerpt(word), label));
         };
         let rest = rest.trim_start_matches([' ', '\t']);
-        (self.rest, self.at_line_start) = (rest.strip_prefix(':').unwrap_or(rest), false);
+        self.rest = rest.strip_prefix(':').unwrap_or(rest);
         Ok(())
     }
 
@@ -94,11 +93,9 @@ impl<'a> Words<'a> {
     fn skip_blank(&mut self) {
         loop {
             let start = self.rest.find(|character: char| !character.is_whitespace()).unwrap_or(self.rest.len());
-            let lines = self.rest[..start].matches('\n').count();
-            self.line += lines;
-            self.at_line_start |= lines > 0;
+            self.line += self.rest[..start].matches('\n').count();
             self.rest = &self.rest[start..];
-            if !(self.at_line_start && is_comment(self.rest)) {
+            if !(self.rest.starts_with('#') || self.rest.starts_with("//")) {
                 return;
             }
             let end = self.rest.find('\n').unwrap_or(self.rest.len());

@@ -1,7 +1,8 @@
 //! Which axis of a skeleton's world is up.
 //!
 //! A rest pose that stands along Y or Z says so, and is believed whatever the body does then: a person lies prone for a whole clip.
-//! Only one who stands on the floor along the other of the two axes in every frame contradicts it. Where the rest pose does
+//! Only one who stands on the floor along the other of the two axes in every frame, and does not lie on that along the first,
+//! contradicts it. Where the rest pose does
 //! not stand along either, the height at which the file places the root says it, or the frames; where these neither, it is the format's, Y, and
 //! not certain.
 
@@ -15,6 +16,8 @@ use crate::motion::UpAxis;
 const STANDS: f64 = 0.8;
 /// Heights of a pelvis over the floor, by the length of a leg.
 const ON_THE_FLOOR: std::ops::RangeInclusive<f64> = 0.8..=1.4;
+/// Heights of the pelvis of who lies, by the same.
+const LYING: std::ops::RangeInclusive<f64> = 0.03..=0.5;
 /// A body this far from the axis, degrees, leans too far for its feet to be level.
 const LEANS: f64 = 35.0;
 
@@ -43,7 +46,8 @@ impl WorldUp {
             (Some(resting), Some(standing))
                 if matches!(standing, UpAxis::Y | UpAxis::Z)
                     && is_on_floor(frames, standing)
-                    && !is_on_floor(frames, resting) =>
+                    && !is_on_floor(frames, resting)
+                    && !lies_on_floor(frames, resting) =>
             {
                 sure(standing, "the body stands on the floor along it in every frame, though at rest it does not")
             }
@@ -82,8 +86,15 @@ fn stands_along(frames: &[Stance]) -> Option<UpAxis> {
 
 /// Whether the pelvis is a leg's length over the origin along an axis, in every frame.
 fn is_on_floor(frames: &[Stance], axis: UpAxis) -> bool {
-    frames.iter().all(|stance| {
-        let height = stance.position(0).map(|pelvis| pelvis.dot(axis.direction().as_dvec3()));
-        height.is_some_and(|height| ON_THE_FLOOR.contains(&(height / (0.5 * stance.leg_lengths()))))
-    })
+    frames.iter().all(|stance| height(stance, axis).is_some_and(|height| ON_THE_FLOOR.contains(&height)))
+}
+
+/// Whether the pelvis is as high over the origin along an axis as that of who lies there, in every frame.
+fn lies_on_floor(frames: &[Stance], axis: UpAxis) -> bool {
+    frames.iter().all(|stance| height(stance, axis).is_some_and(|height| LYING.contains(&height)))
+}
+
+/// The height of the pelvis along an axis, by the length of a leg.
+fn height(stance: &Stance, axis: UpAxis) -> Option<f64> {
+    Some(stance.position(0)?.dot(axis.direction().as_dvec3()) / (0.5 * stance.leg_lengths()))
 }

@@ -10,6 +10,8 @@ const WORLD: Option<Coordinates> = Some(Coordinates::World);
 
 /// The rotations of the body alone.
 pub(super) const BODY: &[Name] = &[
+    // Beside it, `body_pose` may be a code.
+    ("body_pose_axis", None),
     ("body_pose", None),
     ("smplx_body_pose", None),
     ("pose_body", None),
@@ -85,6 +87,8 @@ pub(super) const BETAS: &[Name] =
 pub(super) const TRANSLATION: &[Name] = &[
     ("trans_world", WORLD),
     ("world_trans", WORLD),
+    // Of the whole picture's camera; beside it, `transl` is of a part's.
+    ("transl_camsys", CAMERA),
     ("transl", None),
     ("trans", None),
     ("smplx_transl", None),

@@ -6,7 +6,7 @@ use glam::Vec3;
 use rand_chacha::ChaCha8Rng;
 
 use super::part_shares::{PartShare, part_shares, whole_share};
-use super::{BYTES_A_FACE, RegisteredBody, Supervision, Surface, faces_of_part};
+use super::{BYTES_A_FACE, RegisteredBody, ScannedBody, Supervision, Surface, faces_of_part};
 use crate::Result;
 use crate::body::{Part, PartLabels, Registration, Role, Skeleton};
 use crate::config::{Config, HandSupervision, SamplingSettings, SamplingStrategy};
@@ -45,6 +45,10 @@ impl Supervision for ScanSupervision<'_> {
     // A scan is of the whole subject.
     fn add_seen_vertices(&self, seen: &mut [bool]) {
         seen.fill(true);
+    }
+
+    fn scan(&self) -> Option<ScannedBody<'_>> {
+        Some(ScannedBody { mesh: &self.scan.mesh, solid: &self.scan.solid, body: &self.body.solid })
     }
 
     fn size(&self) -> usize {

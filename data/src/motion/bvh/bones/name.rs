@@ -15,8 +15,8 @@ const SHARED_BY: f64 = 0.8;
 /// Beginnings that only some of a skeleton's names have.
 const PREFIXES: [&str; 13] =
     ["def", "org", "mixamorig", "bip", "character", "armature", "skeleton", "avg", "j", "b", "c", "f", "m"];
-/// Endings that say what every joint is.
-const SUFFIXES: [&str; 4] = ["jnt", "jt", "bind", "bone"];
+/// Endings that say what every joint is, or that it is in the middle.
+const SUFFIXES: [&str; 6] = ["jnt", "jt", "bind", "bone", "m", "c"];
 /// Words for the bones of a finger, from the palm on.
 const PHALANXES: [(&str, Phalanx); 5] = [
     ("metacarpal", Phalanx::Metacarpal),

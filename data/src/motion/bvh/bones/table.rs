@@ -6,7 +6,7 @@ const SIDED: [(&str, &[&str]); 9] = [
     ("knee", &["knee", "leg", "lowleg", "lowerleg", "leglower", "shin", "calf", "tibia"]),
     ("ankle", &["ankle", "foot"]),
     ("foot", &["toe", "toebase", "toes", "ball", "forefoot"]),
-    ("collar", &["collar", "collarbone", "clavicle", "shoulder"]),
+    ("collar", &["collar", "collarbone", "clavicle", "scapula", "shoulder"]),
     ("shoulder", ARM),
     ("elbow", &["elbow", "forearm", "forearmbend", "farm", "lowarm", "lowerarm", "armlower"]),
     ("wrist", &["wrist", "hand"]),

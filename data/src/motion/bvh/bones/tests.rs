@@ -179,6 +179,12 @@ fn the_conventions_of_common_skeletons_are_known() {
             ["shoulder_L", "arm_L", "elbow_L", "wrist_L", "", ""],
             ["leg_L", "knee_L", "ankle_L", "toe_L", "", ""],
         ],
+        // AdvancedSkeleton
+        [
+            ["Root_M", "Spine1_M", "Spine2_M", "Chest_M", "Neck_M", "Head_M"],
+            ["Scapula_L", "Shoulder_L", "Elbow_L", "Wrist_L", "", ""],
+            ["Hip_L", "Knee_L", "Ankle_L", "Toes_L", "", ""],
+        ],
     ];
     conventions.extend(others.map(|parts| parts.map(|names| names.map(str::to_owned))));
     let right = |name: &str| {

@@ -1,0 +1,183 @@
+//! Fingers that are bent in the scan and straight in the fit, or the other way round: no small step leads from one to the other.
+//!
+//! Each hand is tried with every choice of fingers straight and bent, then with each finger half bent, and refitted; what lies best is
+//! kept. Only the hand's own vertices and the scan around it are looked at. Fingers bend about z, left ones to negative angles.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use xavatar_body::{Part, Role};
+use xavatar_formats::Result;
+
+use super::schedule::{Freed, Stage};
+use super::sequence::{Frame, Sequence};
+use super::subject::Fitter;
+use crate::landmarks::Site;
+use crate::linear::{Besides, FramePose, so3};
+use crate::target::{IndexedTarget, OrientedIndex, Seekers};
+use crate::terms::{LandmarkTerm, SurfaceTerm};
+
+/// How far the joints of a straight, a half bent and a bent finger are turned, radians each.
+const BENDS: [f64; 3] = [0.05, 0.8, 1.45];
+/// A hand and what it may touch are within this of its middle, metres.
+const AROUND: f64 = 0.12;
+/// Hands of which less is within reach of the scan are not there, metres.
+const TOO_FAR: f64 = 0.03;
+/// Distances beyond count no more: of surfaces and of landmarks, metres.
+const FARTHEST: [f64; 2] = [0.015, 0.06];
+/// What a landmark's distance counts, of a surface's.
+const OF_LANDMARKS: f64 = 0.5;
+
+/// How what is tried is refitted.
+const STAGE: Stage = Stage {
+    name: "fingers",
+    freed: Freed::Hands,
+    besides: Besides { translation: false, expression: false, shape: false },
+    steps: 5,
+    surface: Some(SurfaceTerm {
+        normal_weight: 0.02,
+        reach: 0.02,
+        deviation: 0.004,
+        seekers: Seekers::All,
+        along: 0.0,
+    }),
+    landmarks: Some(LandmarkTerm { deviation: 0.015, reach: 0.04, with_vertices: true }),
+    shape_prior: 0.0,
+    expression_prior: 0.0,
+};
+
+/// One hand of a body, to be fitted alone.
+pub(super) struct Hand<'a> {
+    fitter: Fitter<'a>,
+    /// The joints of each finger, from the palm on.
+    fingers: Vec<Vec<usize>>,
+    /// The sign of the angles by which they bend.
+    sign: f64,
+}
+
+impl<'a> Fitter<'a> {
+    /// The hands of the body that have fingers.
+    pub(super) fn hands(&self) -> Vec<Hand<'a>> {
+        let skeleton = self.model.skeleton();
+        let hand = |part: Part| {
+            let group = &skeleton.parts[part.index()];
+            let named = |finger: &str| {
+                let of_finger =
+                    |joint: &&usize| skeleton.joints[**joint].trim_end_matches(['1', '2', '3']).ends_with(finger);
+                group.joints.iter().filter(of_finger).copied().collect::<Vec<usize>>()
+            };
+            let fingers: Vec<Vec<usize>> = ["index", "middle", "ring", "pinky"]
+                .map(named)
+                .into_iter()
+                .filter(|joints| joints.len() == 3)
+                .collect();
+            let sign = if group.name.starts_with("right") { 1.0 } else { -1.0 };
+            let fitter = Fitter {
+                surface: self.surface.of_part(part),
+                sites: self.sites.clone(),
+                prior: self.prior.clone(),
+                linkage: self.linkage.clone(),
+                model: self.model,
+            };
+            Hand { fitter, fingers, sign }
+        };
+        let hands = skeleton.parts_of(Role::Hands).map(hand);
+        hands.filter(|hand| !hand.fingers.is_empty() && !hand.fitter.surface.is_empty()).collect()
+    }
+}
+
+impl Hand<'_> {
+    /// The pose with this hand's fingers as they lie best on the scan.
+    pub(super) fn settled(&self, pose: FramePose, shape: &[f64], frame: &Frame) -> Result<FramePose> {
+        let posed = self.fitter.surface.posed(&self.fitter.linkage, &pose, shape);
+        let middle = posed.points.positions.iter().sum::<DVec3>() / posed.points.positions.len() as f64;
+        let Some(around) = frame.scan.around(middle, AROUND) else { return Ok(pose) };
+        let frame = Frame { scan: Arc::new(around), landmarks: frame.landmarks.clone() };
+        let index = IndexedTarget::new(&frame.scan, 0.02)?;
+        let near = posed
+            .points
+            .positions
+            .iter()
+            .zip(&posed.normals)
+            .filter(|(v, n)| index.index.nearest(**v, **n).1 < TOO_FAR);
+        if near.count() * 2 < self.fitter.surface.len() {
+            return Ok(pose);
+        }
+        let mut best = (self.misfit(&pose, shape, &frame, &index)?, pose);
+        for choice in 0..1_usize << self.fingers.len() {
+            let bends = |finger: usize| Some(BENDS[if (choice >> finger) & 1 == 1 { 2 } else { 0 }]);
+            self.keep_better(&mut best, bends, shape, &frame, &index)?;
+        }
+        for half in 0..self.fingers.len() {
+            self.keep_better(&mut best, |finger| (finger == half).then_some(BENDS[1]), shape, &frame, &index)?;
+        }
+        Ok(best.1)
+    }
+
+    /// Refits the best pose with some fingers bent otherwise, and keeps it if it lies better.
+    fn keep_better(
+        &self,
+        best: &mut (f64, FramePose),
+        bends: impl Fn(usize) -> Option<f64>,
+        shape: &[f64],
+        frame: &Frame,
+        scan: &IndexedTarget,
+    ) -> Result<()> {
+        let mut tried = best.1.clone();
+        for (finger, joints) in self.fingers.iter().enumerate() {
+            if let Some(bend) = bends(finger) {
+                joints.iter().for_each(|joint| tried.rotations[*joint] = so3::exp(self.bent(*joint, bend)));
+            }
+        }
+        let mut sequence = Sequence { poses: vec![tried], shape: shape.to_vec() };
+        let bare = vec![0.0; self.fitter.surface.len()];
+        sequence.run(&self.fitter, &STAGE, std::slice::from_ref(frame), &bare)?;
+        let fitted = sequence.poses.remove(0);
+        let misfit = self.misfit(&fitted, shape, frame, scan)?;
+        if misfit < best.0 {
+            *best = (misfit, fitted);
+        }
+        Ok(())
+    }
+
+    /// The turn of a finger's joint that is bent, otherwise relaxed.
+    fn bent(&self, joint: usize, bend: f64) -> DVec3 {
+        let relaxed = self.fitter.prior.mean(joint);
+        DVec3::new(relaxed.x, relaxed.y, self.sign * bend)
+    }
+
+    /// How badly hand and scan lie on each other, both ways, and on landmarks; metres.
+    fn misfit(&self, pose: &FramePose, shape: &[f64], frame: &Frame, scan: &IndexedTarget) -> Result<f64> {
+        let posed = self.fitter.surface.posed(&self.fitter.linkage, pose, shape);
+        let own = OrientedIndex::new(&posed.points.positions, &posed.normals, 0.02)?;
+        let mean = |sum: f64, count: usize| sum / count.max(1) as f64;
+        let to_scan = posed
+            .points
+            .positions
+            .iter()
+            .zip(&posed.normals)
+            .map(|(v, n)| scan.index.nearest(*v, *n).1.min(FARTHEST[0]));
+        let to_scan = mean(to_scan.sum(), self.fitter.surface.len());
+        let points = frame.scan.points().iter().zip(frame.scan.normals());
+        let to_hand =
+            mean(points.map(|(p, n)| own.nearest(*p, *n).1.min(FARTHEST[0])).sum(), frame.scan.points().len());
+        let sites = &self.fitter.sites;
+        let tips = sites.vertices().posed(&self.fitter.linkage, &posed.chain);
+        let is_own = |joint: usize| self.fingers.iter().flatten().any(|own| *own == joint);
+        let distances: Vec<f64> = (frame.landmarks.iter())
+            .filter_map(|seen| match sites.site(seen.site).at {
+                Site::Joint(joint) => is_own(joint).then(|| posed.chain.joint(joint).distance(seen.place)),
+                Site::Vertex(tip) => {
+                    let of_this = tips.positions[tip].distance(seen.place);
+                    let name = &sites.site(seen.site).name;
+                    self.fingers
+                        .iter()
+                        .any(|joints| self.fitter.model.skeleton().joints[joints[2]].starts_with(name.as_str()))
+                        .then_some(of_this)
+                }
+            })
+            .map(|distance| distance.min(FARTHEST[1]))
+            .collect();
+        Ok(to_scan + to_hand + OF_LANDMARKS * mean(distances.iter().sum(), distances.len()))
+    }
+}

@@ -1,0 +1,20 @@
+//! Fitting: from a first guess through stages to the poses of all frames, the subject's shape and its clothing.
+
+mod clothing;
+mod hands;
+mod multistart;
+mod quality;
+mod schedule;
+mod sequence;
+mod start;
+mod subject;
+mod verdict;
+
+pub use clothing::Clothing;
+pub use multistart::{GOOD, Guess};
+pub use quality::{FrameQuality, PartQuality};
+pub use schedule::{Freed, Stage};
+pub use sequence::{Frame, Sequence};
+pub use start::from_landmarks;
+pub use subject::{Fitter, Known, Shaped, Start};
+pub use verdict::doubtful;

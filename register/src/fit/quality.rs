@@ -1,0 +1,103 @@
+//! How well one frame's body lies on its scan, by what can be measured without knowing the truth.
+//!
+//! Of each part: the distance between the outside of its clothing and the scan, and the share of it that is far. Of the scan: the
+//! share of its points that are far from the body. Metres in, millimetres out.
+
+use std::collections::BTreeMap;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use xavatar_formats::{Error, Result};
+
+use super::sequence::{Frame, Sequence};
+use super::subject::Fitter;
+
+/// A vertex is far from the scan beyond this.
+const FAR: f64 = 0.015;
+/// A scan's point is far from the body beyond this.
+const UNCOVERED: f64 = 0.025;
+
+/// One part in one frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PartQuality {
+    /// Median distance of its vertices from the scan, clothing counted, millimetres.
+    pub median_mm: f64,
+    /// Share of its vertices farther than 15 mm.
+    pub far: f64,
+}
+
+/// One frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameQuality {
+    /// By the parts' names.
+    pub parts: BTreeMap<String, PartQuality>,
+    /// Share of the scan's points farther than 25 mm from the body.
+    pub uncovered: f64,
+    /// Components of joints that are beyond their limits.
+    pub beyond_limits: usize,
+}
+
+impl Fitter<'_> {
+    /// Measures every frame.
+    ///
+    /// # Errors
+    /// [`Error::Value`] if a body or a scan is not finite.
+    pub fn qualities(&self, sequence: &Sequence, frames: &[Frame], clothing: &[f64]) -> Result<Vec<FrameQuality>> {
+        let shape = &sequence.shape;
+        let quality = |(pose, frame)| self.quality(pose, shape, frame, clothing);
+        sequence.poses.par_iter().zip(frames).map(quality).collect()
+    }
+
+    fn quality(
+        &self,
+        pose: &crate::linear::FramePose,
+        shape: &[f64],
+        frame: &Frame,
+        clothing: &[f64],
+    ) -> Result<FrameQuality> {
+        let posed = self.surface.posed(&self.linkage, pose, shape);
+        let outside = |vertex: usize| posed.points.positions[vertex] + posed.normals[vertex] * clothing[vertex];
+        let body: Vec<[f32; 3]> = (0..self.surface.len()).map(|vertex| outside(vertex).as_vec3().to_array()).collect();
+        let scan: Vec<[f32; 3]> = frame.scan.points().iter().map(|point| point.as_vec3().to_array()).collect();
+        let [of_body, of_scan] = [tree(&body)?, tree(&scan)?];
+        let distance = |tree: &ImmutableKdTree<f32, 3>, point: &[f32; 3]| {
+            f64::from(tree.query(point).nearest_one::<SquaredEuclidean<f32>>().execute().distance).sqrt()
+        };
+        let mut by_part: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+        for (place, part) in body.iter().zip(&self.surface.parts) {
+            let name = self.model.skeleton().parts[part.index()].name.as_str();
+            by_part.entry(name).or_default().push(distance(&of_scan, place));
+        }
+        // Vertices stand for their surroundings: a point between them is as far from the surface as it is from their plane, or less.
+        let spacing = 0.5 * self.spacing();
+        let uncovered = frame.scan.points().iter().zip(&scan).step_by(20);
+        let count = uncovered.len().max(1) as f64;
+        let uncovered =
+            uncovered.filter(|(_, point)| distance(&of_body, point) > UNCOVERED + spacing).count() as f64 / count;
+        let part = |(name, mut distances): (&str, Vec<f64>)| {
+            distances.sort_by(f64::total_cmp);
+            let far = distances.iter().filter(|distance| **distance > FAR).count() as f64 / distances.len() as f64;
+            (name.to_owned(), PartQuality { median_mm: 1e3 * distances[distances.len() / 2], far })
+        };
+        Ok(FrameQuality {
+            parts: by_part.into_iter().map(part).collect(),
+            uncovered,
+            beyond_limits: self.prior.beyond_limits(pose).len(),
+        })
+    }
+
+    /// Metres between neighbouring vertices of the body's surface.
+    fn spacing(&self) -> f64 {
+        crate::surface_model::Density::FINE.largest()
+    }
+}
+
+fn tree(points: &[[f32; 3]]) -> Result<ImmutableKdTree<f32, 3>> {
+    let wrong =
+        |found: String| Error::Value { name: "points to measure".into(), found, expected: "finite points".into() };
+    if points.is_empty() || points.as_flattened().iter().any(|value| !value.is_finite()) {
+        return Err(wrong(format!("{} points, not all finite", points.len())));
+    }
+    ImmutableKdTree::new_from_slice(points).map_err(|failure| wrong(failure.to_string()))
+}

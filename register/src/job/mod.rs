@@ -1,0 +1,345 @@
+//! A subject from scans to data that can be trained on, in a folder that a run which was stopped goes on with.
+//!
+//! Key frames first, together, for shape and clothing; then every other frame alone; then doubtful ones again, from their neighbours;
+//! then the data: X-Humans' layout with `clothing.npz` and `register.json`. What fails is left out and named.
+
+mod coordinates;
+mod record;
+mod report;
+mod scored;
+mod shared;
+mod write;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rayon::prelude::*;
+use xavatar_body::{BodyModel, PartLabels, smplx};
+use xavatar_data::{FrameFiles, Scans, Split};
+use xavatar_formats::{Error, FolderLock, Result};
+
+pub use coordinates::{FileCoordinates, Up};
+pub use report::{FrameReport, REPORT_FILE, RegistrationReport, Verdict};
+pub use scored::score_registration;
+pub use shared::CLOTHING_FILE;
+
+use self::record::{Circumstances, Record};
+use crate::fit::{Fitter, Frame, FrameQuality, Known, Sequence, Shaped, Start, doubtful, from_landmarks};
+use crate::landmarks::{LandmarkFiles, Seen, believed};
+use crate::linear::FramePose;
+use crate::surface_model::Density;
+use crate::target::ScanTarget;
+
+/// Frames that shape and clothing are found from, spread over all for training.
+const KEY_FRAMES: usize = 40;
+/// Scans that are looked at for the unit.
+const MEASURED: usize = 5;
+/// The folder of records in the data's.
+const RECORDS: &str = "register";
+/// Good frames before and after a doubtful one that it is started from.
+const NEIGHBOURS: usize = 2;
+
+/// What a subject is registered with.
+pub struct Job<'a> {
+    /// The scans.
+    pub scans: &'a Scans,
+    /// The body.
+    pub body: &'a BodyModel,
+    /// The part of each of its vertices.
+    pub labels: &'a PartLabels,
+    /// Landmarks; without, poses are guessed from the scans' shapes.
+    pub landmarks: Option<&'a LandmarkFiles>,
+    /// The axis of the files that points up.
+    pub up: Up,
+    /// What is known of the subject.
+    pub known: Known,
+    /// The sequence that shape is found from, if not all.
+    pub shape_from: Option<String>,
+    /// The folder for the data.
+    pub out: PathBuf,
+}
+
+/// What a job is doing: the phase, how much of it is done, and on what.
+pub type Observer<'a> = dyn FnMut(&'static str, f64, &str) + 'a;
+
+/// A frame that is fitted, and what it was started with.
+struct Prepared {
+    frame: Frame,
+    start: Option<Start>,
+    dropped: Vec<String>,
+}
+
+impl Job<'_> {
+    /// Registers the subject; none if it was stopped, and the same call goes on.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] for a body of another family than the data's layout takes; [`Error::Unfit`] if no frame can be started;
+    /// [`Error::Frame`] for a scan that cannot be read; [`Error::Io`].
+    pub fn run(&self, observe: &mut Observer<'_>, stop: &AtomicBool) -> Result<Option<RegistrationReport>> {
+        self.body.skeleton().require(smplx::skeleton(), "the body that scans are registered with")?;
+        let _lock = FolderLock::take(&self.out)?;
+        let working = Working::new(self)?;
+        let Some(shaped) = working.shaped(observe, stop)? else { return Ok(None) };
+        let Some(records) = working.records(&shaped, observe, stop)? else { return Ok(None) };
+        let Some(records) = working.tried_again(records, &shaped, observe, stop)? else { return Ok(None) };
+        working.write_data(&records, &shaped, observe).map(Some)
+    }
+}
+
+/// A job under way.
+struct Working<'a> {
+    job: &'a Job<'a>,
+    fitter: Fitter<'a>,
+    coarse: Fitter<'a>,
+    coordinates: FileCoordinates,
+    files: Vec<&'a FrameFiles>,
+    /// Of each frame: its place in its sequence, and how many that has.
+    places: Vec<(usize, usize)>,
+    kept: PathBuf,
+}
+
+impl<'a> Working<'a> {
+    fn new(job: &'a Job<'a>) -> Result<Self> {
+        let files: Vec<&FrameFiles> =
+            [Split::Train, Split::Test].into_iter().flat_map(|split| job.scans.files(split)).collect();
+        let of_sequence = |one: &FrameFiles, other: &FrameFiles| {
+            (&one.id.split, &one.id.sequence) == (&other.id.split, &other.id.sequence)
+        };
+        let place = |index: usize| {
+            let others = files.iter().enumerate().filter(|(_, other)| of_sequence(files[index], other));
+            let all: Vec<usize> = others.map(|(other, _)| other).collect();
+            (all.iter().filter(|other| **other < index).count(), all.len())
+        };
+        let stride = files.len().div_ceil(MEASURED).max(1);
+        let extent = |files: &&FrameFiles| {
+            let vertices = files.read_scan()?.mesh.vertices;
+            let fold =
+                |of: fn(glam::Vec3, glam::Vec3) -> glam::Vec3| vertices.iter().copied().reduce(of).unwrap_or_default();
+            Ok((fold(glam::Vec3::max) - fold(glam::Vec3::min)).as_dvec3())
+        };
+        let extents = files.iter().step_by(stride).map(extent).collect::<Result<Vec<_>>>()?;
+        Ok(Self {
+            fitter: Fitter::new(job.body, job.labels, Density::FINE),
+            coarse: Fitter::new(job.body, job.labels, Density::COARSE),
+            coordinates: FileCoordinates::of_extents(&extents, job.up)?,
+            places: (0..files.len()).map(place).collect(),
+            kept: job.out.join(RECORDS),
+            files,
+            job,
+        })
+    }
+
+    /// A frame's scan and landmarks, and where its fit begins.
+    fn prepared(&self, index: usize) -> Result<Prepared> {
+        let files = self.files[index];
+        let mut scan = files.read_scan()?.mesh;
+        self.coordinates.apply(&mut scan);
+        let target = ScanTarget::of(&scan).map_err(|error| error.in_frame(files.id.to_string()))?;
+        let (landmarks, dropped) = self.landmarks(index)?;
+        let Fitter { linkage, sites, prior, .. } = &self.fitter;
+        let frame = Frame { scan: Arc::new(target), landmarks };
+        let start = match self.job.landmarks {
+            Some(_) => from_landmarks(linkage, sites, prior, &frame.landmarks).map(Start::FromLandmarks),
+            None => {
+                self.coarse.guess(&frame)?.filter(|guess| guess.is_good()).map(|guess| Start::FromElsewhere(guess.pose))
+            }
+        };
+        Ok(Prepared { frame, start, dropped })
+    }
+
+    fn landmarks(&self, index: usize) -> Result<(Vec<Seen>, Vec<String>)> {
+        let Some(files) = self.job.landmarks else { return Ok((Vec::new(), Vec::new())) };
+        let (place, count) = self.places[index];
+        let found = files.of_frame(&self.files[index].id, place, count)?;
+        let seen = found.into_iter().filter_map(|(name, place, confidence)| {
+            Some(Seen { site: self.fitter.sites.named(&name)?, place: self.coordinates.place(place), confidence })
+        });
+        Ok(believed(&self.fitter.linkage, &self.fitter.sites, &seen.collect::<Vec<_>>()))
+    }
+
+    /// Shape and clothing, from key frames together, whose records are kept.
+    fn shaped(&self, observe: &mut Observer<'_>, stop: &AtomicBool) -> Result<Option<Shaped>> {
+        if let Some(shaped) = shared::read(&self.job.out, &self.fitter, self.job.known.bare)? {
+            return Ok(Some(shaped));
+        }
+        let mut known = self.job.known.clone();
+        if let Some(sequence) = &self.job.shape_from {
+            let of_sequence = |index: &usize| self.files[*index].id.sequence == *sequence;
+            let Some(begun) = self.begun(&self.spread(of_sequence), observe, stop)? else { return Ok(None) };
+            let bare = Known { shape: None, bare: true };
+            known.shape = Some(self.fitted_together(&begun, &bare, observe)?.0.shape);
+        }
+        let in_training = |index: &usize| self.files[*index].id.split == Split::Train.name();
+        let mut chosen = self.spread(in_training);
+        if chosen.is_empty() {
+            chosen = self.spread(|_| true);
+        }
+        let Some(begun) = self.begun(&chosen, observe, stop)? else { return Ok(None) };
+        let (shaped, poses) = self.fitted_together(&begun, &known, observe)?;
+        let frames: Vec<Frame> = begun.iter().map(|(_, prepared)| prepared.frame.clone()).collect();
+        let sequence = Sequence { poses, shape: shaped.shape.clone() };
+        let qualities = self.fitter.qualities(&sequence, &frames, &shaped.clothing.thickness)?;
+        for (((index, prepared), pose), quality) in begun.iter().zip(&sequence.poses).zip(qualities) {
+            self.record(*index, prepared, pose, quality)?;
+        }
+        // Last: its presence says that the key frames are done.
+        shared::write(&self.job.out, &self.fitter, &shaped)?;
+        shared::read(&self.job.out, &self.fitter, self.job.known.bare)
+    }
+
+    /// Some of the frames that are wanted, evenly spread, as many as are fitted together.
+    fn spread(&self, wanted: impl Fn(&usize) -> bool) -> Vec<usize> {
+        let all: Vec<usize> = (0..self.files.len()).filter(wanted).collect();
+        let count = all.len().min(KEY_FRAMES);
+        (0..count).map(|place| all[place * all.len() / count]).collect()
+    }
+
+    /// Those of some frames whose fit can begin; none if the job was stopped.
+    fn begun(
+        &self,
+        chosen: &[usize],
+        observe: &mut Observer<'_>,
+        stop: &AtomicBool,
+    ) -> Result<Option<Vec<(usize, Prepared)>>> {
+        let mut begun = Vec::new();
+        for (done, index) in chosen.iter().enumerate() {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            observe("starts", done as f64 / chosen.len() as f64, &self.files[*index].id.to_string());
+            let prepared = self.prepared(*index)?;
+            if prepared.start.is_some() {
+                begun.push((*index, prepared));
+            }
+        }
+        if begun.is_empty() {
+            let message = match self.job.landmarks {
+                Some(_) => format!("none of {} frames has landmarks of the torso: hips, shoulders, neck", chosen.len()),
+                None => format!("in none of {} scans was a standing person found by shape alone", chosen.len()),
+            };
+            return Err(Error::Unfit { message, remedy: "give landmarks, or a scan of the person standing".into() });
+        }
+        Ok(Some(begun))
+    }
+
+    fn fitted_together(
+        &self,
+        begun: &[(usize, Prepared)],
+        known: &Known,
+        observe: &mut Observer<'_>,
+    ) -> Result<(Shaped, Vec<FramePose>)> {
+        let starts = begun.iter().filter_map(|(_, prepared)| prepared.start.clone()).map(Start::into_pose).collect();
+        let frames: Vec<Frame> = begun.iter().map(|(_, prepared)| prepared.frame.clone()).collect();
+        self.fitter.fit(starts, &frames, known, |stage, share| observe("shape", share, stage))
+    }
+
+    fn record(&self, index: usize, prepared: &Prepared, pose: &FramePose, quality: FrameQuality) -> Result<Record> {
+        let circumstances = Circumstances {
+            middle: prepared.frame.scan.middle(),
+            landmarks: prepared.frame.landmarks.len(),
+            dropped: prepared.dropped.clone(),
+        };
+        Record::new(pose, quality, circumstances).kept(&self.kept, &self.files[index].id)
+    }
+
+    /// The records of all frames that could be started; those that are there already are taken as they are.
+    fn records(
+        &self,
+        shaped: &Shaped,
+        observe: &mut Observer<'_>,
+        stop: &AtomicBool,
+    ) -> Result<Option<Vec<Option<Record>>>> {
+        let batch = 2 * rayon::current_num_threads();
+        let mut records = Vec::new();
+        for first in (0..self.files.len()).step_by(batch) {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            let name = self.files[first].id.to_string();
+            observe("frames", first as f64 / self.files.len() as f64, &name);
+            let last = (first + batch).min(self.files.len());
+            let fitted: Vec<Option<Record>> =
+                (first..last).into_par_iter().map(|index| self.fitted(index, shaped)).collect::<Result<_>>()?;
+            records.extend(fitted);
+        }
+        Ok(Some(records))
+    }
+
+    fn fitted(&self, index: usize, shaped: &Shaped) -> Result<Option<Record>> {
+        if let Some(record) = Record::read(&self.kept, &self.files[index].id)? {
+            return Ok(Some(record));
+        }
+        let prepared = self.prepared(index)?;
+        let Some(start) = prepared.start.clone() else { return Ok(None) };
+        let pose = self.fitter.fit_pose(start, &prepared.frame, shaped)?;
+        let quality = self.quality(&pose, &prepared.frame, shaped)?;
+        self.record(index, &prepared, &pose, quality).map(Some)
+    }
+
+    fn quality(&self, pose: &FramePose, frame: &Frame, shaped: &Shaped) -> Result<FrameQuality> {
+        let sequence = Sequence { poses: vec![pose.clone()], shape: shaped.shape.clone() };
+        Ok(self.fitter.qualities(&sequence, std::slice::from_ref(frame), &shaped.clothing.thickness)?.remove(0))
+    }
+
+    /// Fits doubtful frames, and those without a start, again from good ones near them.
+    fn tried_again(
+        &self,
+        mut records: Vec<Option<Record>>,
+        shaped: &Shaped,
+        observe: &mut Observer<'_>,
+        stop: &AtomicBool,
+    ) -> Result<Option<Vec<Option<Record>>>> {
+        // From the neighbours of good frames outwards: what was found once helps the next.
+        loop {
+            let bad = self.are_bad(&records);
+            let is_near_good = |index: usize| self.neighbours(index, &bad).next().is_some();
+            let untried =
+                |index: &usize| bad[*index] && records[*index].as_ref().is_none_or(|record| !record.tried_again);
+            let Some(index) = (0..records.len()).filter(untried).find(|index| is_near_good(*index)) else { break };
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            let id = &self.files[index].id;
+            let bad_count = bad.iter().filter(|bad| **bad).count();
+            observe("again", 1.0 - bad_count as f64 / bad.len() as f64, &id.to_string());
+            let prepared = self.prepared(index)?;
+            let mut best = records[index].clone();
+            for other in self.neighbours(index, &bad).collect::<Vec<_>>() {
+                let Some(neighbour) = &records[other] else { continue };
+                let mut start = neighbour.pose(self.fitter.linkage.extents());
+                start.translation += prepared.frame.scan.middle() - glam::DVec3::from(neighbour.middle);
+                let pose = self.fitter.fit_pose(Start::FromElsewhere(start), &prepared.frame, shaped)?;
+                let quality = self.quality(&pose, &prepared.frame, shaped)?;
+                if best.as_ref().is_none_or(|best| quality.misfit() < best.quality.misfit()) {
+                    best = Some(match best {
+                        Some(best) => best.replaced(&pose, quality),
+                        None => self.record(index, &prepared, &pose, quality)?,
+                    });
+                }
+            }
+            let Some(best) = best else { break };
+            records[index] = Some(best.marked_as_tried_again().kept(&self.kept, id)?);
+        }
+        Ok(Some(records))
+    }
+
+    /// Which frames are not registered, or doubtfully.
+    fn are_bad(&self, records: &[Option<Record>]) -> Vec<bool> {
+        let known: Vec<FrameQuality> = records.iter().flatten().map(|record| record.quality.clone()).collect();
+        let mut verdicts = doubtful(&known).into_iter();
+        records.iter().map(|record| record.is_none() || verdicts.next().unwrap_or(true)).collect()
+    }
+
+    /// The good frames nearest to one, before and after it in its sequence.
+    fn neighbours(&self, index: usize, bad: &[bool]) -> impl Iterator<Item = usize> {
+        let of_sequence = |other: &usize| {
+            let (own, other) = (&self.files[index].id, &self.files[*other].id);
+            own.split == other.split && own.sequence == other.sequence
+        };
+        let good = |other: &usize| of_sequence(other) && !bad[*other];
+        let before: Vec<usize> = (0..index).rev().filter(good).take(NEIGHBOURS).collect();
+        let after: Vec<usize> = (index + 1..self.files.len()).filter(good).take(NEIGHBOURS).collect();
+        before.into_iter().chain(after)
+    }
+}

@@ -1,0 +1,123 @@
+//! The data that a job leaves: frames that lie on their scans, in X-Humans' layout, and the report of all.
+
+use std::io::Write;
+
+use xavatar_body::{BodyParameters, Gender, HandPose, Pose, PoseAxisAngle, smplx};
+use xavatar_data::{FrameFolder, write_common};
+use xavatar_formats::{Error, Result, write_atomically};
+
+use super::record::Record;
+use super::report::{FrameReport, REPORT_FILE, RegistrationReport, Verdict, summary, why};
+use super::{Observer, Working};
+use crate::fit::{FrameQuality, Shaped};
+use crate::linear::so3;
+
+impl Working<'_> {
+    /// Writes all frames that are registered, and the report.
+    pub(super) fn write_data(
+        &self,
+        records: &[Option<Record>],
+        shaped: &Shaped,
+        observe: &mut Observer<'_>,
+    ) -> Result<RegistrationReport> {
+        let bad = self.are_bad(records);
+        let betas: Vec<f32> = shaped.shape.iter().map(|value| *value as f32).collect();
+        write_common(&self.job.out, self.job.scans.gender.unwrap_or(Gender::Neutral), &betas)?;
+        let mut frames = Vec::new();
+        for (index, record) in records.iter().enumerate() {
+            let id = &self.files[index].id;
+            observe("writing", index as f64 / records.len() as f64, &id.to_string());
+            let folder = FrameFolder::of(&self.job.out, id);
+            let report = self.report_of(index, record.as_ref(), bad[index]);
+            match record.as_ref().filter(|_| report.verdict == Verdict::Registered) {
+                Some(record) => self.write_frame(&folder, index, record, &report.missing_hands, shaped)?,
+                None => folder.clear()?,
+            }
+            frames.push(report);
+        }
+        let report = summary(self.coordinates, shaped, &self.fitter, frames);
+        let path = self.job.out.join(REPORT_FILE);
+        let text = serde_json::to_string_pretty(&report).map_err(|error| Error::io(&path)(error.into()))?;
+        write_atomically(&path, |writer| writeln!(writer, "{text}"))?;
+        Ok(report)
+    }
+
+    fn report_of(&self, index: usize, record: Option<&Record>, is_bad: bool) -> FrameReport {
+        let quality = record.map(|record| record.quality.clone());
+        FrameReport {
+            frame: self.files[index].id.to_string(),
+            verdict: if is_bad { Verdict::LeftOut } else { Verdict::Registered },
+            reason: if is_bad { self.reason(quality.as_ref()) } else { String::new() },
+            missing_hands: quality
+                .as_ref()
+                .filter(|_| !is_bad)
+                .map(|quality| quality.missing_hands(self.job.body.skeleton()))
+                .unwrap_or_default(),
+            quality,
+            landmarks: record.map_or(0, |record| record.landmarks),
+            dropped_landmarks: record.map(|record| record.dropped.clone()).unwrap_or_default(),
+        }
+    }
+
+    fn reason(&self, quality: Option<&FrameQuality>) -> String {
+        match (quality, self.job.landmarks) {
+            (Some(quality), _) => why(quality),
+            (None, Some(_)) => {
+                "no start: too few landmarks of hips, shoulders and neck, and no good frame near it".into()
+            }
+            (None, None) => "no start: no standing person found by shape alone, and no good frame near it".into(),
+        }
+    }
+
+    fn write_frame(
+        &self,
+        folder: &FrameFolder,
+        index: usize,
+        record: &Record,
+        missing_hands: &[String],
+        shaped: &Shaped,
+    ) -> Result<()> {
+        let files = self.files[index];
+        let is_linked = match files.scan.path().filter(|_| self.coordinates.is_plain()) {
+            Some(scan) => folder.link_scan(scan)?,
+            None => false,
+        };
+        if !is_linked {
+            let mut scan = files.read_scan()?.mesh;
+            self.coordinates.apply(&mut scan);
+            folder.write_scan(&scan)?;
+        }
+        let mut pose = record.pose(self.fitter.linkage.extents());
+        let skeleton = self.job.body.skeleton();
+        for part in missing_hands.iter().filter_map(|name| skeleton.part_named(name)) {
+            let fingers = |joint: &&usize| !skeleton.joints[**joint].ends_with("wrist");
+            for joint in skeleton.parts[part.index()].joints.iter().filter(fingers) {
+                pose.rotations[*joint] = so3::exp(self.fitter.prior.mean(*joint));
+            }
+        }
+        let pose = pose.pose(&shaped.shape);
+        let mesh = self.job.body.mesh(self.job.body.pose(&pose)?.vertices);
+        folder.write_body(&BodyParameters::from(self.relative_to_mean(&pose)), &mesh)
+    }
+
+    /// SMPL-X's parameters with hands as offsets from the model's mean hands, X-Humans' convention.
+    fn relative_to_mean(&self, pose: &Pose) -> smplx::Parameters {
+        let parameters = smplx::Parameters::from(pose);
+        let offsets = |hand: HandPose, side: usize| match (hand, self.job.body.hands().get(side)) {
+            (HandPose::Flat(mut fingers), Some(space)) => {
+                let means = space.mean.as_chunks::<3>().0;
+                fingers
+                    .iter_mut()
+                    .zip(means)
+                    .for_each(|(turn, mean)| *turn = PoseAxisAngle(turn.0 - glam::Vec3::from(*mean)));
+                HandPose::RelativeToMean(fingers)
+            }
+            (hand, _) => hand,
+        };
+        smplx::Parameters {
+            left_hand_pose: offsets(parameters.left_hand_pose.clone(), 0),
+            right_hand_pose: offsets(parameters.right_hand_pose.clone(), 1),
+            ..parameters
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! The page of a registration: every frame, the worst first, with pictures of the worst and a table of all parts.
+
+use std::io::Write;
+use std::path::Path;
+
+use super::page::{Fact, KeyFigure, Picture, ReportPage};
+use super::picture::data_uri;
+use super::{PICTURE_WIDTH, closeup};
+use crate::Result;
+use crate::body::BodyModel;
+use crate::data::{Split, Subject, read_frame};
+use crate::formats::write_atomically;
+use crate::register::job::{FrameReport, RegistrationReport, Verdict};
+
+/// The page in the data's folder.
+pub const REGISTRATION_PAGE: &str = "register.html";
+/// Frames that are pictured.
+const PICTURED: usize = 8;
+
+/// Writes the page of data that a registration left in `folder`, in the place of an earlier one.
+///
+/// # Errors
+/// Those of reading the data; [`InputError::Io`](crate::InputError::Io) if the page cannot be written.
+pub fn write_registration_page(
+    folder: &Path,
+    report: &RegistrationReport,
+    body: &BodyModel,
+    command: String,
+) -> Result<()> {
+    let subject = match report.registered() {
+        0 => None,
+        _ => Some(Subject::open(folder)?.settled(body)?),
+    };
+    let files =
+        subject.iter().flat_map(|subject| [Split::Train, Split::Test].map(|split| (subject, subject.files(split))));
+    let files: Vec<_> = files.flat_map(|(subject, files)| files.iter().map(move |files| (subject, files))).collect();
+    let mut pictures = Vec::new();
+    for frame in report.frames.iter().filter(|frame| frame.verdict == Verdict::Registered).take(PICTURED) {
+        let Some((subject, files)) = files.iter().find(|(_, files)| files.id.to_string() == frame.frame) else {
+            continue;
+        };
+        let read = read_frame(files, &subject.betas)?;
+        let mesh = body.mesh(body.pose(&body.resolve(&read.parameters)?)?.vertices);
+        let picture = data_uri(&closeup(&read.scan, &mesh)?, PICTURE_WIDTH)?;
+        let caption = caption(frame);
+        pictures.push(Picture {
+            name: frame.frame.clone(),
+            alternative: format!("{}: {caption}", frame.frame),
+            caption,
+            picture,
+        });
+    }
+    let left_out = report.frames.iter().filter(|frame| frame.verdict == Verdict::LeftOut);
+    let left_out = left_out.map(|frame| Fact::new(format!("Left out: {}", frame.frame), frame.reason.clone()));
+    let all = report.frames.iter().filter(|frame| frame.verdict == Verdict::Registered);
+    let all = all.map(|frame| Fact::new(frame.frame.clone(), caption(frame)));
+    let page = ReportPage {
+        title: folder.display().to_string(),
+        kicker: "Scans, registered",
+        lead: "The body, without its clothing, on every scan; the worst frames first. Errors include the clothes."
+            .into(),
+        figures: vec![
+            KeyFigure {
+                label: "Frames registered",
+                value: format!("{} / {}", report.registered(), report.frames.len()),
+                unit: "",
+            },
+            KeyFigure { label: "Clothing, mean", value: format!("{:.1}", report.clothing_mm), unit: "mm" },
+        ],
+        frames_heading: "Worst first",
+        frames: pictures,
+        command,
+        facts: left_out.chain(all).collect(),
+        ..ReportPage::default()
+    };
+    let html = page.html()?;
+    Ok(write_atomically(&folder.join(REGISTRATION_PAGE), |file| file.write_all(html.as_bytes()))?)
+}
+
+/// How far each part is from the scan.
+fn caption(frame: &FrameReport) -> String {
+    let parts = frame.quality.iter().flat_map(|quality| &quality.parts);
+    let parts = parts.map(|(name, part)| format!("{} {:.1} mm", name.replace('_', " "), part.median_mm));
+    let missing = frame.missing_hands.iter().map(|hand| format!("{} not in the scan", hand.replace('_', " ")));
+    parts.chain(missing).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,282 @@
+//! The weights under which places keep their distance to the scans: Gauss-Newton at every node, neighbours held together.
+//!
+//! With images q_kb = B_kb x and d_k = sum_b w_b q_kb, the distance changes by g_kb = grad s_k . (q_kb - d_k) a unit of w_b. A step h
+//! minimises mean_k o_k (r_k + g_k . h)^2 + SMOOTH |c + h - c_neighbours|^2 + HELD |c + h|^2, where c = w - w_before, r_k is s_k less its
+//! mean, and o_k lets frames count less the farther they are from it: there, another part of the body is near. K frames.
+
+use glam::Vec3;
+use rayon::prelude::*;
+use smallvec::SmallVec;
+
+use super::{BAND, Places, Row, View};
+
+/// Most bones of a node, as many as the field keeps.
+const MOST_BONES: usize = 8;
+/// Bones from this weight on bring their neighbours in the tree along.
+const LEADING: f32 = 0.2;
+/// How strongly neighbouring nodes are held together, and all to where they began, square metres.
+const SMOOTH: f32 = 3e-4;
+const HELD: f32 = 3e-5;
+/// Deviation from which a frame counts half or less, metres.
+const TYPICAL: f32 = 0.012;
+/// Steps; smoothness spreads by a node a step.
+const STEPS: usize = 25;
+/// Longest change of a weight in a step.
+const LONGEST: f32 = 0.15;
+/// Weights below this are nothing, unless the body model has the bone there.
+const LEAST: f32 = 5e-3;
+/// Fewest frames that can tell a node's weights.
+const FEWEST: f32 = 3.0;
+
+type Weights = SmallVec<[f32; MOST_BONES]>;
+
+/// What is being fitted at a node.
+struct Node {
+    bones: SmallVec<[usize; MOST_BONES]>,
+    /// As it began.
+    before: Weights,
+    weights: Weights,
+    /// Whether any frame shows a surface near it.
+    is_seen: bool,
+}
+
+/// Fits the rows (R) of the nodes that may move, from where they are.
+pub(super) fn refine(rows: &mut [Row], views: &[View], places: &Places, parents: &[Option<usize>]) {
+    let Places { may_move, bones, neighbours } = places;
+    let node = |node: usize| Node::new(node, &rows[node], may_move[node], views, bones, parents);
+    let mut nodes: Vec<Node> = (0..rows.len()).into_par_iter().with_min_len(256).map(node).collect();
+    for _ in 0..STEPS {
+        let step = |index: usize| may_move[index].then(|| moved(index, &nodes, views, &neighbours[index]));
+        let next: Vec<Option<Weights>> = (0..nodes.len()).into_par_iter().with_min_len(256).map(step).collect();
+        for (node, weights) in nodes.iter_mut().zip(next) {
+            node.weights = weights.unwrap_or_else(|| std::mem::take(&mut node.weights));
+        }
+    }
+    for (row, node) in rows.iter_mut().zip(&nodes) {
+        let kept = |bone: usize, weight: f32| weight >= LEAST || row.iter().any(|(own, _)| *own == bone);
+        let fitted = node.bones.iter().copied().zip(node.weights.iter().copied());
+        *row = fitted.filter(|(bone, weight)| kept(*bone, *weight)).collect();
+    }
+}
+
+impl Node {
+    fn new(
+        node: usize,
+        row: &Row,
+        may_move: bool,
+        views: &[View],
+        allowed: &[usize],
+        parents: &[Option<usize>],
+    ) -> Self {
+        let mut known = row.clone();
+        known.sort_by(|a, b| b.1.total_cmp(&a.1));
+        known.truncate(MOST_BONES);
+        let is_seen = may_move && views.iter().any(|view| view.distance(node, row).abs() < BAND);
+        if is_seen {
+            let leading: Vec<usize> =
+                known.iter().filter(|(_, weight)| *weight > LEADING).map(|(bone, _)| *bone).collect();
+            let is_relative =
+                |bone: &usize| leading.iter().any(|own| parents[*own] == Some(*bone) || parents[*bone] == Some(*own));
+            for bone in allowed.iter().copied().filter(is_relative) {
+                if known.len() < MOST_BONES && known.iter().all(|(own, _)| *own != bone) {
+                    known.push((bone, 0.0));
+                }
+            }
+        }
+        let weights: Weights = known.iter().map(|(_, weight)| *weight).collect();
+        Self { bones: known.iter().map(|(bone, _)| *bone).collect(), before: weights.clone(), weights, is_seen }
+    }
+
+    /// How a bone's weight has changed.
+    fn change_of(&self, bone: usize) -> f32 {
+        let place = self.bones.iter().position(|own| *own == bone);
+        place.map_or(0.0, |place| self.weights[place] - self.before[place])
+    }
+}
+
+/// A node's weights after a step.
+fn moved(index: usize, nodes: &[Node], views: &[View], neighbours: &[u32; 6]) -> Weights {
+    let node = &nodes[index];
+    let count = node.bones.len();
+    let mut matrix = [[0.0_f32; MOST_BONES]; MOST_BONES];
+    let mut right = [0.0_f32; MOST_BONES];
+    if node.is_seen {
+        add_frames(index, node, views, &mut matrix, &mut right);
+    }
+    for place in 0..count {
+        let around = neighbours.iter().map(|other| nodes[*other as usize].change_of(node.bones[place]));
+        let mean = around.sum::<f32>() / neighbours.len() as f32;
+        let change = node.weights[place] - node.before[place];
+        matrix[place][place] += SMOOTH + HELD;
+        right[place] += SMOOTH * (mean - change) - HELD * change;
+    }
+    solve(&mut matrix, &mut right, count);
+    let longest = right[..count].iter().fold(0.0_f32, |longest, change| longest.max(change.abs()));
+    let factor = if longest > LONGEST { LONGEST / longest } else { 1.0 };
+    let mut weights: Weights =
+        node.weights.iter().zip(right).map(|(weight, change)| (weight + factor * change).max(0.0)).collect();
+    let sum: f32 = weights.iter().sum();
+    if !(sum > 0.0) {
+        return node.weights.clone();
+    }
+    weights.iter_mut().for_each(|weight| *weight /= sum);
+    weights
+}
+
+/// Adds what the frames ask of a node.
+fn add_frames(
+    index: usize,
+    node: &Node,
+    views: &[View],
+    matrix: &mut [[f32; MOST_BONES]; MOST_BONES],
+    right: &mut [f32; MOST_BONES],
+) {
+    let count = node.bones.len();
+    let mut frames: SmallVec<[(f32, [f32; MOST_BONES]); 24]> = SmallVec::new();
+    for view in views {
+        let mut images = [Vec3::ZERO; MOST_BONES];
+        for (image, bone) in images.iter_mut().zip(&node.bones) {
+            *image = view.image(index, *bone);
+        }
+        let image: Vec3 = images.iter().zip(&node.weights).map(|(image, weight)| *weight * *image).sum();
+        let (distance, gradient) = view.volume.at(image);
+        if distance.abs() < BAND {
+            frames.push((distance, images.map(|own| gradient.dot(own - image))));
+        }
+    }
+    // The middle one first: a mean would follow what it should ignore.
+    let mut sorted: SmallVec<[f32; 24]> = frames.iter().map(|(distance, _)| *distance).collect();
+    sorted.sort_by(f32::total_cmp);
+    let Some(middle) = sorted.get(sorted.len() / 2).copied() else { return };
+    let counts = |distance: f32| (1.0 + ((distance - middle) / TYPICAL).powi(2)).powi(-2);
+    let total: f32 = frames.iter().map(|(distance, _)| counts(*distance)).sum();
+    if total < FEWEST {
+        return;
+    }
+    let mean = frames.iter().map(|(distance, _)| counts(*distance) * distance).sum::<f32>() / total;
+    let mut slopes = [0.0; MOST_BONES];
+    for (distance, frame) in &frames {
+        (0..count).for_each(|place| slopes[place] += counts(*distance) / total * frame[place]);
+    }
+    let share = 1.0 / views.len() as f32;
+    for (distance, frame) in &frames {
+        let weight = share * counts(*distance);
+        for i in 0..count {
+            let slope = frame[i] - slopes[i];
+            right[i] -= weight * slope * (distance - mean);
+            for j in 0..count {
+                matrix[i][j] += weight * slope * (frame[j] - slopes[j]);
+            }
+        }
+    }
+}
+
+/// Solves the first `count` equations of a positive definite matrix in place, by elimination.
+fn solve(matrix: &mut [[f32; MOST_BONES]; MOST_BONES], right: &mut [f32; MOST_BONES], count: usize) {
+    for pivot in 0..count {
+        for row in pivot + 1..count {
+            let factor = matrix[row][pivot] / matrix[pivot][pivot];
+            for column in pivot..count {
+                matrix[row][column] -= factor * matrix[pivot][column];
+            }
+            right[row] -= factor * right[pivot];
+        }
+    }
+    for row in (0..count).rev() {
+        let known: f32 = (row + 1..count).map(|column| matrix[row][column] * right[column]).sum();
+        right[row] = (right[row] - known) / matrix[row][row];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Mat3;
+
+    use super::super::volume::{DistanceVolume, cuboid};
+    use super::*;
+    use crate::mesh::SolidIndex;
+
+    /// Places of a grid around the cuboid, x fastest.
+    const COUNTS: [usize; 3] = [15, 9, 12];
+    const SPACING: f32 = 0.035;
+
+    fn places() -> (Vec<Vec3>, Vec<[u32; 6]>) {
+        let [x, y, z] = COUNTS;
+        let place = |index: usize| [index % x, index / x % y, index / (x * y)];
+        let position = |index: usize| {
+            let [i, j, k] = place(index).map(|along| along as f32);
+            Vec3::new(-0.145, -0.14, -0.19) + SPACING * Vec3::new(i, j, k)
+        };
+        let around = |index: usize| {
+            let (at, strides) = (place(index), [1, x, x * y]);
+            std::array::from_fn(|side| {
+                let (axis, is_above) = (side / 2, side % 2 == 1);
+                let is_free = if is_above { at[axis] + 1 < COUNTS[axis] } else { at[axis] > 0 };
+                let next = if is_above { index + strides[axis] } else { index.wrapping_sub(strides[axis]) };
+                if is_free { next as u32 } else { index as u32 }
+            })
+        };
+        let all = 0..x * y * z;
+        (all.clone().map(position).collect(), all.map(around).collect())
+    }
+
+    /// How a place's distance to the scans deviates from its mean, of those near them in all frames; and what `of` is there, on average.
+    fn mean_where_seen(rows: &[Row], views: &[View], of: impl Fn(usize) -> f32) -> [f32; 2] {
+        let (mut spread, mut other, mut count) = (0.0, 0.0, 0.0);
+        for place in 0..rows.len() {
+            let found: Vec<f32> = views.iter().map(|view| view.distance(place, &rows[place])).collect();
+            if found.iter().all(|distance| distance.abs() < 0.02) {
+                let mean = found.iter().sum::<f32>() / found.len() as f32;
+                spread += found.iter().map(|distance| (distance - mean).abs()).sum::<f32>() / found.len() as f32;
+                other += of(place);
+                count += 1.0;
+            }
+        }
+        [spread / count, other / count]
+    }
+
+    // A stiff thing that moves with the last of three bones in a chain, bound to the middle one.
+    #[test]
+    fn what_moves_with_a_neighbouring_bone_is_found_to() {
+        let (mesh, (positions, neighbours)) = (cuboid(), places());
+        let view = |angle: f32| {
+            let turned = |angle: f32| (Mat3::from_rotation_z(angle), Vec3::new(0.0, 0.02, 0.0) * angle);
+            let bones = vec![turned(0.0), turned(0.5 * angle), turned(angle)];
+            let (linear, translation) = bones[2];
+            let mut scan = mesh.clone();
+            scan.vertices.iter_mut().for_each(|vertex| *vertex = linear * *vertex + translation);
+            let volume = DistanceVolume::new(&scan, &SolidIndex::new(&scan).unwrap());
+            View { volume, bones, places: positions.clone() }
+        };
+        let views: Vec<View> = [-0.2, -0.12, -0.06, 0.0, 0.06, 0.12, 0.2].map(view).into();
+        let count = positions.len();
+        let all = Places { may_move: vec![true; count], bones: vec![0, 1, 2], neighbours };
+        let mut rows: Vec<Row> = vec![vec![(1, 1.0)]; count];
+        let [before, _] = mean_where_seen(&rows, &views, |_| 0.0);
+        refine(&mut rows, &views, &all, &[None, Some(0), Some(1)]);
+        let of_last = |place: usize| rows[place].iter().find(|(bone, _)| *bone == 2).map_or(0.0, |(_, weight)| *weight);
+        let [after, weight] = mean_where_seen(&rows, &views, of_last);
+        assert!(after < 0.3 * before, "distances spread by {after} m, {before} m before");
+        assert!(weight > 0.7, "the last bone has {weight}");
+        let sums = rows.iter().map(|row| row.iter().map(|(_, weight)| weight).sum::<f32>());
+        assert!(sums.into_iter().all(|sum| (sum - 1.0).abs() < 0.02), "weights sum to one");
+        // Bound to the right bone already, nothing moves.
+        let mut right: Vec<Row> = vec![vec![(2, 1.0)]; count];
+        refine(&mut right, &views, &all, &[None, Some(0), Some(1)]);
+        assert!(right.iter().all(|row| row.iter().any(|(bone, weight)| *bone == 2 && *weight > 0.97)));
+    }
+
+    #[test]
+    fn elimination_solves_what_it_is_given() {
+        let mut matrix = [[0.0; MOST_BONES]; MOST_BONES];
+        let known = [[4.0, 1.0, 0.5], [1.0, 3.0, -1.0], [0.5, -1.0, 5.0]];
+        let solution = [1.0_f32, -2.0, 0.25];
+        let mut right = [0.0; MOST_BONES];
+        for row in 0..3 {
+            matrix[row][..3].copy_from_slice(&known[row]);
+            right[row] = (0..3).map(|column| known[row][column] * solution[column]).sum();
+        }
+        solve(&mut matrix, &mut right, 3);
+        assert!((0..3).all(|row| (right[row] - solution[row]).abs() < 1e-5), "{right:?}");
+    }
+}

@@ -1,0 +1,154 @@
+//! Scans alone to data: the built-in subject's, as bare meshes in millimetres with noisy landmarks, is registered as it really is.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+use xavatar::data::{Split, Subject, read_frame};
+use xavatar::mesh::write_obj;
+use xavatar::synthetic::BuiltInSubject;
+
+use super::tool::{assert_outcome, data, text};
+
+/// Frames of the take.
+const FRAMES: usize = 4;
+/// The joints that landmarks are given of.
+const SEEN: [&str; 16] = [
+    "pelvis",
+    "left_hip",
+    "right_hip",
+    "left_knee",
+    "right_knee",
+    "left_ankle",
+    "right_ankle",
+    "neck",
+    "head",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+    "left_eye",
+];
+
+/// Bare scans in millimetres, in a folder of one sequence, and landmarks that are up to 15 mm off.
+fn scans() -> (TempDir, PathBuf, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let take = folder.path().join("scans/Take1");
+    fs::create_dir_all(&take).unwrap();
+    let subject = BuiltInSubject::new().unwrap();
+    let joints = &subject.model().skeleton().joints;
+    let mut frames = serde_json::Map::new();
+    for index in 0..FRAMES {
+        let frame = subject.frame(Split::Train, index, FRAMES).unwrap();
+        let mut scan = frame.scan;
+        scan.vertices.iter_mut().for_each(|vertex| *vertex *= 1000.0);
+        write_obj(take.join(format!("scan_{:03}.obj", index + 1)), &scan).unwrap();
+        let posed = subject.model().pose(&subject.model().resolve(&frame.parameters).unwrap()).unwrap();
+        let rows = SEEN.iter().enumerate().map(|(place, name)| {
+            let joint = posed.joints[joints.iter().position(|joint| joint == name).unwrap()] * 1000.0;
+            let off = |axis: usize| 15.0 * ((place * 7 + index * 3 + axis * 5) as f32).sin();
+            serde_json::json!([joint.x + off(0), joint.y + off(1), joint.z + off(2), 1.0])
+        });
+        frames.insert(format!("Take1/f{:05}", index + 1), rows.collect());
+    }
+    let landmarks = folder.path().join("landmarks.json");
+    fs::write(&landmarks, serde_json::json!({ "names": SEEN, "frames": frames }).to_string()).unwrap();
+    let scans = folder.path().join("scans");
+    (folder, scans, landmarks)
+}
+
+/// Of each frame, the mean distance between the registered body's vertices and the true one's, millimetres.
+fn errors(data: &Path) -> Vec<f32> {
+    let truth = BuiltInSubject::new().unwrap();
+    let body = truth.model();
+    let subject = Subject::open(data).unwrap().settled(body).unwrap();
+    let error = |(index, files): (usize, _)| {
+        let frame = read_frame(files, &subject.betas).unwrap();
+        let expected = truth.parameters(Split::Train, index, FRAMES).unwrap().into();
+        let [found, expected] = [&frame.parameters, &expected]
+            .map(|parameters| body.pose(&body.resolve(parameters).unwrap()).unwrap().vertices);
+        1e3 * found.iter().zip(&expected).map(|(found, expected)| found.distance(*expected)).sum::<f32>()
+            / found.len() as f32
+    };
+    subject.train.iter().enumerate().map(error).collect()
+}
+
+/// The bytes of every file below a folder, by name; locks are left out.
+fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut entries: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    entries.sort();
+    let inner = |entry: PathBuf| {
+        if entry.is_dir() { contents(&entry) } else { vec![(entry.clone(), fs::read(entry).unwrap())] }
+    };
+    let all =
+        entries.into_iter().filter(|entry| !entry.file_name().is_some_and(|name| name == ".lock")).flat_map(inner);
+    // The page quotes the command that wrote it.
+    all.filter(|(path, _)| path.extension().is_none_or(|extension| extension != "html")).collect()
+}
+
+#[test]
+fn bare_scans_with_landmarks_become_data_to_train_on() {
+    let (folder, scans, landmarks) = scans();
+    let (_, body) = data();
+    let out = folder.path().join("data");
+    let register = ["register", text(&scans), "--body", body, "--landmarks", text(&landmarks), "--out", text(&out)];
+    assert_outcome(&register, 0, &["registered         4 of 4 frames", "register.html", "xavatar train"]);
+    let errors = errors(&out);
+    println!("errors {errors:?}");
+    assert!(errors.iter().all(|error| *error < 15.0), "{errors:?}");
+    assert_outcome(&["check", text(&out), "--body", body], 0, &["X-Humans", "ready to train"]);
+    assert_outcome(&register, 1, &["not empty", "--resume"]);
+
+    // Stopped after shape and one frame were known, and gone on with by one thread: the same bytes.
+    let whole = contents(&out);
+    for gone in [
+        "register.json",
+        "register.html",
+        "register/train-Take1-f00002.json",
+        "train/Take1/SMPLX/mesh-f00003_smplx.pkl",
+    ] {
+        fs::remove_file(out.join(gone)).unwrap();
+    }
+    let again = [&register[..], &["--resume", "--threads", "1"]].concat();
+    assert_outcome(&again, 0, &["registered         4 of 4 frames"]);
+    let resumed = contents(&out);
+    assert_eq!(whole.len(), resumed.len());
+    for ((path, bytes), (_, other)) in whole.iter().zip(&resumed) {
+        if !path.ends_with("train-Take1-f00002.json")
+            && !path.to_string_lossy().contains("f00002_smplx")
+            && !path.ends_with("register.json")
+        {
+            assert_eq!(bytes, other, "{}", path.display());
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_registered_is_named() {
+    let (folder, scans, _) = scans();
+    let (_, body) = data();
+    let out = folder.path().join("data");
+    let landmarks = folder.path().join("few.json");
+    fs::write(&landmarks, r#"{"names": ["left_knee"], "frames": {"Take1/f00001": [[0, 500, 0, 1]]}}"#).unwrap();
+    let register = ["register", text(&scans), "--body", body, "--out", text(&out)];
+    assert_outcome(
+        &[&register[..], &["--landmarks", text(&landmarks)]].concat(),
+        1,
+        &["none of 4 frames has landmarks of the torso", "give landmarks"],
+    );
+    assert_outcome(&register, 2, &["--landmarks"]);
+    assert_outcome(
+        &[&register[..], &["--geometry-only", "--take", "Take9=test"]].concat(),
+        1,
+        &["the sequence Take9 not found; name one of Take1"],
+    );
+    let empty = folder.path().join("empty");
+    fs::create_dir(&empty).unwrap();
+    assert_outcome(
+        &["register", text(&empty), "--body", body, "--out", text(&out), "--geometry-only"],
+        1,
+        &["a scan (.ply"],
+    );
+}
