@@ -117,7 +117,7 @@ fn a_model_is_mirrored_and_moved_to_another_mesh() {
     );
     let [before, after] = [&file, &mirrored].map(|file| read_npz(file).unwrap()["shapedirs"].to_f64().unwrap());
     let columns = before.len() / (3 * 144);
-    let is_mirrored = |at: usize| if at / columns % 3 == 0 { -before[at] } else { before[at] };
+    let is_mirrored = |at: usize| if (at / columns).is_multiple_of(3) { -before[at] } else { before[at] };
     assert!((0..before.len()).all(|at| after[at] == is_mirrored(at)));
 
     // Onto its own surface it moves without loss.
@@ -163,7 +163,7 @@ fn fleshed(name: &str, folder: &Path) -> PathBuf {
     let mut arrays = source.clone();
     let columns = source["shapedirs"].shape[2];
     let features = *source["posedirs"].shape.last().unwrap();
-    let larger = |at: usize| if at % columns == 0 { 0.02 * template[at / columns] } else { 0.0 };
+    let larger = |at: usize| if at.is_multiple_of(columns) { 0.02 * template[at / columns] } else { 0.0 };
     let shapes = (0..vertices * 3 * columns).map(larger).collect();
     let mut set = |key: &str, shape: &[usize], values| arrays.insert(key.into(), array(shape, values));
     set("v_template", &[vertices, 3], template.clone());
@@ -221,6 +221,7 @@ fn subject(file: &Path, folder: &Path) -> PathBuf {
         let translation = glam::Vec3::new(0.0, 1.0, 0.1 * frame as f32);
         let pose = Pose { rotations, shape: vec![0.5], translation, ..Pose::default() };
         let mut scan = body.mesh(body.pose(&pose).unwrap().vertices);
+        (0..3).for_each(|_| scan = subdivided(&scan));
         scan.colouring =
             Colouring::Vertex(scan.vertices.iter().map(|vertex| [(vertex.x.abs() * 200.0) as u8, 90, 120]).collect());
         scan.normals = Some(scan.vertex_normals());
