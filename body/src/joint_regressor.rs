@@ -7,8 +7,10 @@ use glam::DVec3;
 
 use super::least_squares::non_negative;
 
-/// How many of the candidates, nearest first, are tried.
-const NEAREST: usize = 350;
+/// How many of the candidates are tried.
+const TRIED: usize = 350;
+/// They are spread over the nearest so many of all vertices, so that they surround the joint on any mesh.
+const NEAREST_SHARE: usize = 38;
 /// How much more the joint at rest counts than how it moves.
 const AT_REST: f64 = 6.0;
 /// Smaller weights are none.
@@ -44,7 +46,9 @@ impl JointFit<'_> {
         }
         let distance = |vertex: &usize| self.template[*vertex].distance_squared(self.joint);
         self.candidates.sort_by(|one, other| distance(one).total_cmp(&distance(other)));
-        self.candidates.truncate(NEAREST);
+        self.candidates.truncate(TRIED.max(self.template.len() / NEAREST_SHARE));
+        let stride = self.candidates.len().div_ceil(TRIED).max(1);
+        self.candidates = self.candidates.into_iter().step_by(stride).collect();
         let column = |vertex: &usize| -> Vec<f64> {
             let place = (self.template[*vertex] - self.joint) * AT_REST;
             let moves = self.motions.iter().flat_map(|motion| (motion.offsets[*vertex] * motion.weight).to_array());

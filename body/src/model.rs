@@ -148,7 +148,8 @@ impl BodyModel {
     }
 }
 
-const REMEDY: &str = "download the SMPL-X models from https://smpl-x.is.tue.mpg.de, or name the model file itself";
+const REMEDY: &str =
+    "download the SMPL-X models from https://smpl-x.is.tue.mpg.de, import a free body, or name the model file itself";
 
 /// What a folder's file of a gender may be called.
 fn file_names(gender: Gender) -> Vec<String> {

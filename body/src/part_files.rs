@@ -22,7 +22,7 @@ impl PartLabels {
     /// A label file that is there but broken, or made for another model, is an error, never passed over.
     pub fn find(model: &BodyModel) -> Result<Self> {
         let folder = model.path().parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if let Some(path) = vertex_labels_in(folder, Gender::of_file_name(model.path())) {
+        if let Some(path) = vertex_labels_in(folder, model.path()) {
             return Self::from_vertex_labels(
                 &path,
                 &read_pickle_arrays(&path)?,
@@ -110,14 +110,22 @@ fn lists_of(skeleton: &Skeleton) -> impl Iterator<Item = (&str, Part, bool)> {
     })
 }
 
-/// The label file for the gender if one is stated, else the first; `non_watertight` (the model's own topology) sorts first.
-fn vertex_labels_in(folder: &Path, gender: Option<Gender>) -> Option<PathBuf> {
+/// The label file that is named as the model, else one that belongs to no other: for the gender if the model's name states one, else the
+/// first; `non_watertight` (the model's own topology) sorts first.
+fn vertex_labels_in(folder: &Path, model: &Path) -> Option<PathBuf> {
+    let own = format!("{}{VERTEX_LABELS}", model.file_stem().unwrap_or_default().to_string_lossy());
+    if folder.join(&own).is_file() {
+        return Some(folder.join(own));
+    }
+    let gender = Gender::of_file_name(model);
+    let is_of_another = |path: &Path| {
+        let name = path.file_name().and_then(|name| name.to_str())?.strip_suffix(VERTEX_LABELS)?;
+        Some(["npz", "pkl", "npy"].iter().any(|extension| folder.join(format!("{name}.{extension}")).is_file()))
+    };
     let mut candidates: Vec<PathBuf> = std::fs::read_dir(folder)
         .ok()?
         .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| {
-            path.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.ends_with(VERTEX_LABELS))
-        })
+        .filter(|path| is_of_another(path) == Some(false))
         .filter(|path| gender.is_none() || Gender::of_file_name(path).is_none_or(|named| Some(named) == gender))
         .collect();
     candidates.sort();
@@ -202,9 +210,17 @@ mod tests {
         for name in ["watertight_male", "non_watertight_female", "non_watertight_male", "watertight_female"] {
             std::fs::write(folder.path().join(format!("{name}{VERTEX_LABELS}")), []).unwrap();
         }
-        let chosen = |gender| vertex_labels_in(folder.path(), gender).map(|path| path.file_name().unwrap().to_owned());
-        assert_eq!(chosen(Some(Gender::Male)).unwrap(), "non_watertight_male_vertex_labels.pkl");
-        assert_eq!(chosen(Some(Gender::Female)).unwrap(), "non_watertight_female_vertex_labels.pkl");
-        assert_eq!(chosen(Some(Gender::Neutral)), None);
+        let chosen = |model: &str| {
+            let found = vertex_labels_in(folder.path(), &folder.path().join(model));
+            found.map(|path| path.file_name().unwrap().to_str().unwrap().to_owned())
+        };
+        assert_eq!(chosen("SMPLX_MALE.npz").unwrap(), "non_watertight_male_vertex_labels.pkl");
+        assert_eq!(chosen("SMPLX_FEMALE.npz").unwrap(), "non_watertight_female_vertex_labels.pkl");
+        assert_eq!(chosen("SMPLX_NEUTRAL.npz"), None);
+        // Those of a model beside it are that model's.
+        std::fs::write(folder.path().join("anny_vertex_labels.pkl"), []).unwrap();
+        std::fs::write(folder.path().join("anny.npz"), []).unwrap();
+        assert_eq!(chosen("anny.npz").unwrap(), "anny_vertex_labels.pkl");
+        assert_eq!(chosen("a.npz").unwrap(), "non_watertight_female_vertex_labels.pkl");
     }
 }

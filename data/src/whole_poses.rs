@@ -29,7 +29,7 @@ const FINGERS: usize = 45;
 /// [`Error::Malformed`] for arrays of different numbers of frames, or numbers that are not finite.
 pub(crate) fn read_whole_poses(path: &Path, arrays: &ArrayMap, joints: usize) -> Result<Option<Vec<BodyParameters>>> {
     let file = File { fields: Fields { path, format: FORMAT, arrays } };
-    let Some((poses, fingers)) = file.rotations(joints)? else { return Ok(None) };
+    let Some(Turns { frames: poses, fingers }) = file.turns(joints)? else { return Ok(None) };
     let frames = poses.len();
     let (translations, shapes, expressions) =
         (file.rows(&TRANSLATION, frames)?, file.rows(&SHAPE, frames)?, file.rows(&EXPRESSION, frames)?);
@@ -78,19 +78,27 @@ impl Rows {
     }
 }
 
+/// The rotations of frames.
+struct Turns {
+    /// Of all joints; zero for fingers that are told apart.
+    frames: Vec<Vec<PoseAxisAngle>>,
+    /// Fingers that are relative to a mean hand.
+    fingers: Option<Rows>,
+}
+
 struct File<'a> {
     fields: Fields<'a>,
 }
 
 impl File<'_> {
-    /// The rotations of all joints of each frame; fingers that are relative to a mean hand apart, theirs then zero.
-    #[allow(clippy::type_complexity)]
-    fn rotations(&self, joints: usize) -> Result<Option<(Vec<Vec<PoseAxisAngle>>, Option<Rows>)>> {
+    /// The rotations of all joints of each frame.
+    fn turns(&self, joints: usize) -> Result<Option<Turns>> {
+        let absolute = |frames| Ok(Some(Turns { frames, fingers: None }));
         let turns = |row: &[f32]| row.as_chunks::<3>().0.iter().map(|turn| PoseAxisAngle((*turn).into())).collect();
         for key in WHOLE.iter().filter(|key| self.fields.arrays.contains_key(**key)) {
             let numbers = self.numbers(key)?;
             if !numbers.is_empty() && numbers.len().is_multiple_of(3 * joints) {
-                return Ok(Some((numbers.chunks_exact(3 * joints).map(turns).collect(), None)));
+                return absolute(numbers.chunks_exact(3 * joints).map(turns).collect());
             }
         }
         let Some(root) = ROOT.iter().find(|key| self.fields.arrays.contains_key(**key)) else { return Ok(None) };
@@ -112,7 +120,7 @@ impl File<'_> {
                 ));
             }
             let whole = |frame: usize| turns(&[own(frame), vec![0.0; FINGERS]].concat());
-            return Ok(Some(((0..frames).map(whole).collect(), Some(Rows { values, width }))));
+            return Ok(Some(Turns { frames: (0..frames).map(whole).collect(), fingers: Some(Rows { values, width }) }));
         }
         let names: &[&str] = if joints == 1 + HEAD.len() && !has("body_pose") { &HEAD } else { &["body_pose"] };
         let mut rows: Vec<Vec<f32>> = (0..frames).map(own).collect();
@@ -124,8 +132,10 @@ impl File<'_> {
             }
             rows.iter_mut().zip(values.chunks_exact(width)).for_each(|(row, values)| row.extend_from_slice(values));
         }
-        let is_told = names.iter().any(|name| has(name));
-        Ok(is_told.then(|| (rows.iter().map(|row| turns(row)).collect(), None)))
+        match names.iter().any(|name| has(name)) {
+            true => absolute(rows.iter().map(|row| turns(row)).collect()),
+            false => Ok(None),
+        }
     }
 
     /// The rows of the first array that is there, one a frame or one for all.

@@ -32,7 +32,7 @@ pub struct Animate {
     /// An X-Humans sequence, AMASS, GRAB or pose estimator's .npz or .pkl, a .bvh (docs/motion.md), or `dance`: a built-in one
     #[arg(value_name = "MOTION")]
     motion: PathBuf,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl; the demo's avatar needs none
+    /// Body model file of any family, or a folder that holds SMPLX_{GENDER}.npz or .pkl; the demo's avatar needs none
     #[arg(long, value_name = "BODY")]
     body: Option<PathBuf>,
     /// The folder that gets mesh-f00001.ply and so on; new or empty

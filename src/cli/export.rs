@@ -43,7 +43,7 @@ pub struct Export {
     /// GLB: the motion that becomes the animation clip [default: a built-in dance]
     #[arg(long, value_name = "MOTION")]
     motion: Option<PathBuf>,
-    /// GLB: SMPL-X model file or folder, for its pose correctives and expressions; without, only what the avatar has learned
+    /// GLB: body model file or folder, for its pose correctives and expressions; without, only what the avatar has learned
     #[arg(long, value_name = "BODY")]
     body: Option<PathBuf>,
     /// Cells along the longest side of the box around the body

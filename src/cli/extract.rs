@@ -30,7 +30,7 @@ pub struct Extract {
     /// Pose it as in the first frame of a motion, instead of the canonical pose
     #[arg(long, value_name = "FILE", requires = "body")]
     pose: Option<PathBuf>,
-    /// SMPL-X model file or folder, to pose with
+    /// Body model file or folder, to pose with
     #[arg(long, value_name = "BODY")]
     body: Option<PathBuf>,
     #[command(flatten)]

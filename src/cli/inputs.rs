@@ -17,7 +17,7 @@ pub struct SubjectArguments {
     /// The subject's folder, in any layout of docs/formats.md or with a rgbd.toml
     #[arg(value_name = "DATA")]
     pub data: PathBuf,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl (the subject's gender chooses)
+    /// Body model file of any family, or a folder that holds SMPLX_{GENDER}.npz or .pkl (the subject's gender chooses)
     #[arg(long, value_name = "BODY")]
     pub body: PathBuf,
 }

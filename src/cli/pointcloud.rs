@@ -31,7 +31,7 @@ pub struct PointCloudOf {
     /// Colour the points by the part of the body that each belongs to
     #[arg(long, requires = "body")]
     parts: bool,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl
+    /// Body model file of any family, or a folder that holds SMPLX_{GENDER}.npz or .pkl
     #[arg(long, value_name = "BODY", requires = "parts")]
     body: Option<PathBuf>,
     /// The PLY file to write

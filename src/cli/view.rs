@@ -22,7 +22,7 @@ pub struct View {
     /// An avatar.safetensors or a run's folder
     #[arg(value_name = "AVATAR")]
     avatar: PathBuf,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl; the demo's avatar needs none
+    /// Body model file of any family, or a folder that holds SMPLX_{GENDER}.npz or .pkl; the demo's avatar needs none
     #[arg(long, value_name = "BODY")]
     body: Option<PathBuf>,
     /// The motion that the page plays: any that `animate` takes

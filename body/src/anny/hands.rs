@@ -23,6 +23,9 @@ pub(super) struct Space {
     pub components: Vec<Vec<f64>>,
 }
 
+/// One of a joint's axes.
+type Along = fn(&Axes) -> DVec3;
+
 /// The axes of a joint.
 struct Axes {
     flex: DVec3,
@@ -34,11 +37,11 @@ pub(super) fn space(joints: &[DVec3], side: &str) -> Space {
     let axes: Vec<Axes> = (0..SIZE / 3).map(|place| axes(joints, side, place)).collect();
     let relaxed = axes.iter().enumerate().map(|(place, axes)| axes.flex * RELAXED[place / 3][place % 3].to_radians());
     let thumb = FINGERS.len() - 1;
-    let direction = |fingers: &[usize], along: fn(&Axes) -> DVec3, amounts: [f64; 3]| -> Vec<f64> {
+    let direction = |fingers: &[usize], along: Along, amounts: [f64; 3]| -> Vec<f64> {
         let amount = |place: usize| if fingers.contains(&(place / 3)) { amounts[place % 3] } else { 0.0 };
         axes.iter().enumerate().flat_map(|(place, axes)| (along(axes) * amount(place)).to_array()).collect()
     };
-    let (flex, spread): (fn(&Axes) -> DVec3, fn(&Axes) -> DVec3) = (|axes| axes.flex, |axes| axes.spread);
+    let (flex, spread): (Along, Along) = (|axes| axes.flex, |axes| axes.spread);
     let (all, first) = ([1.0; 3], [1.0, 0.0, 0.0]);
     let wanted = [
         direction(&[0, 1, 2, 3], flex, all),

@@ -58,8 +58,8 @@ fn build() -> Skeleton {
     let right_parents = hand_parents(RIGHT_WRIST, RIGHT_HAND.start);
     let parents = BODY_PARENTS.into_iter().chain([HEAD; 3]).chain(left_parents).chain(right_parents);
     let eyes_mouth = Detail { name: "eyes_mouth".into(), joints: vec![LEFT_EYE, RIGHT_EYE] };
-    let mut starts: Vec<usize> = BODY_STARTS.into_iter().chain([HEAD]).chain(LEFT_HAND).chain(RIGHT_HAND).collect();
-    starts.extend([LEFT_WRIST, RIGHT_WRIST]);
+    let ends = [HEAD, JAW, LEFT_EYE, RIGHT_EYE, LEFT_WRIST, RIGHT_WRIST];
+    let mut starts: Vec<usize> = BODY_STARTS.into_iter().chain(ends).chain(LEFT_HAND).chain(RIGHT_HAND).collect();
     starts.sort_unstable();
     Skeleton {
         family: "SMPL-X".into(),

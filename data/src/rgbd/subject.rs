@@ -221,7 +221,7 @@ impl RgbdFiles {
         match &self.registration {
             RegistrationFile::Read(parameters) => Ok(smplx::Parameters::clone(parameters)),
             RegistrationFile::XHumans(path) => {
-                must_exist(path, "the frame's SMPL-X parameters")?;
+                must_exist(path, "the frame's registration")?;
                 parameters_of(path, &read_pickle_arrays(path)?)
             }
         }

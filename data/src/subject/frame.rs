@@ -73,7 +73,7 @@ impl FrameFiles {
 
     /// The registration, and the scan's size by the body's with its shift, if the file has them.
     fn read_registration(&self, betas: &[f32]) -> Result<(BodyParameters, Option<(f32, Vec3)>)> {
-        let Fit { parameters, scaled, .. } = read_fit(self.parameters.require("the frame's SMPL-X parameters")?)?;
+        let Fit { parameters, scaled, .. } = read_fit(self.parameters.require("the frame's registration")?)?;
         let parameters = match parameters {
             BodyParameters::Absolute(pose) => pose.in_shape(betas).into(),
             BodyParameters::Smplx(parameters) => smplx::Parameters {

@@ -43,7 +43,7 @@ pub struct Render {
     /// An avatar.safetensors or a run's folder
     #[arg(value_name = "AVATAR")]
     avatar: PathBuf,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl; the demo's avatar needs none
+    /// Body model file of any family, or a folder that holds SMPLX_{GENDER}.npz or .pkl; the demo's avatar needs none
     #[arg(long, value_name = "BODY")]
     body: Option<PathBuf>,
     /// What to write: FILE.png, FILE.gif, FILE.apng, FILE.mp4 or a folder

@@ -1,11 +1,12 @@
 //! Bodies of every family through the verbs: described, posed, trained on, animated, exported.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
-use xavatar::mesh::{Colouring, read_mesh, write_ply};
+use xavatar::mesh::{Colouring, TriangleMesh, read_mesh, write_ply};
 
 use super::tool::{TINY, assert_outcome, borrowed, data, text};
 
@@ -104,6 +105,33 @@ fn a_wrong_model_or_pose_is_named() {
     assert!(!ply.exists());
 }
 
+#[test]
+fn a_model_is_mirrored_and_moved_to_another_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = fleshed("tiny_smpl.npz", folder.path());
+    let [mirrored, rest, moved] = ["mirrored.npz", "rest.ply", "moved.npz"].map(|name| folder.path().join(name));
+    assert_outcome(
+        &["body", "convert", text(&file), "--mirror-shapes", "--out", text(&mirrored)],
+        0,
+        &["SMPL, 144 vertices"],
+    );
+    let [before, after] = [&file, &mirrored].map(|file| read_npz(file).unwrap()["shapedirs"].to_f64().unwrap());
+    let columns = before.len() / (3 * 144);
+    let is_mirrored = |at: usize| if (at / columns).is_multiple_of(3) { -before[at] } else { before[at] };
+    assert!((0..before.len()).all(|at| after[at] == is_mirrored(at)));
+
+    // Onto its own surface it moves without loss.
+    assert_outcome(&["body", "pose", text(&file), "rest", "--out", text(&rest)], 0, &[]);
+    assert_outcome(
+        &["body", "convert", text(&file), "--to", text(&rest), "--out", text(&moved)],
+        0,
+        &["0.00 mm at most", "joints: within 0.00 mm"],
+    );
+    assert!(folder.path().join("moved_vertex_labels.pkl").is_file());
+    assert_outcome(&["body", "info", text(&moved)], 0, &["SMPL body model", "moved_vertex_labels.pkl"]);
+    assert_outcome(&["body", "convert", text(&file), "--out", "x.npz"], 2, &["--to"]);
+}
+
 /// A family's tiny file with flesh: a little octahedron around each joint, of its tree, recognised as the family.
 fn fleshed(name: &str, folder: &Path) -> PathBuf {
     const RADIUS: f64 = 0.35;
@@ -135,7 +163,7 @@ fn fleshed(name: &str, folder: &Path) -> PathBuf {
     let mut arrays = source.clone();
     let columns = source["shapedirs"].shape[2];
     let features = *source["posedirs"].shape.last().unwrap();
-    let larger = |at: usize| if at % columns == 0 { 0.02 * template[at / columns] } else { 0.0 };
+    let larger = |at: usize| if at.is_multiple_of(columns) { 0.02 * template[at / columns] } else { 0.0 };
     let shapes = (0..vertices * 3 * columns).map(larger).collect();
     let mut set = |key: &str, shape: &[usize], values| arrays.insert(key.into(), array(shape, values));
     set("v_template", &[vertices, 3], template.clone());
@@ -159,6 +187,24 @@ fn fleshed(name: &str, folder: &Path) -> PathBuf {
     file
 }
 
+/// The same surface in four times as many faces: a scan has thousands.
+fn subdivided(mesh: &TriangleMesh) -> TriangleMesh {
+    let mut vertices = mesh.vertices.clone();
+    let mut middles = HashMap::new();
+    let mut middle = |a: u32, b: u32| {
+        *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+            vertices.push((mesh.vertices[a as usize] + mesh.vertices[b as usize]) / 2.0);
+            vertices.len() as u32 - 1
+        })
+    };
+    let mut faces = Vec::new();
+    for [a, b, c] in &mesh.faces {
+        let [ab, bc, ca] = [middle(*a, *b), middle(*b, *c), middle(*c, *a)];
+        faces.extend([[*a, ab, ca], [ab, *b, bc], [ca, bc, *c], [ab, bc, ca]]);
+    }
+    TriangleMesh { vertices, faces, ..TriangleMesh::default() }
+}
+
 /// A subject of three scans of a body a little thicker than the model, with its registrations.
 fn subject(file: &Path, folder: &Path) -> PathBuf {
     let body = BodyModel::load(file, Gender::Neutral).unwrap();
@@ -175,6 +221,7 @@ fn subject(file: &Path, folder: &Path) -> PathBuf {
         let translation = glam::Vec3::new(0.0, 1.0, 0.1 * frame as f32);
         let pose = Pose { rotations, shape: vec![0.5], translation, ..Pose::default() };
         let mut scan = body.mesh(body.pose(&pose).unwrap().vertices);
+        (0..3).for_each(|_| scan = subdivided(&scan));
         scan.colouring =
             Colouring::Vertex(scan.vertices.iter().map(|vertex| [(vertex.x.abs() * 200.0) as u8, 90, 120]).collect());
         scan.normals = Some(scan.vertex_normals());
