@@ -83,6 +83,9 @@ fn name_of(role: Option<Role>) -> &'static str {
     }
 }
 
+/// The class and the name of a surface that was measured, and its values.
+type Measured = (&'static str, &'static str, Values);
+
 impl MetricsTable {
     /// Of what was measured on frames that `frames_of` describes.
     pub(super) fn of(report: &Report, frames_of: &str) -> Self {
@@ -98,8 +101,7 @@ impl MetricsTable {
         let of_regions = regions
             .iter()
             .map(|(region, metrics)| (region_name(*region), vec![("avatar", "avatar", values_of_region(metrics))]));
-        let groups: Vec<(&'static str, Vec<(&'static str, &'static str, Values)>)> =
-            of_parts.chain(of_regions).collect();
+        let groups: Vec<(&'static str, Vec<Measured>)> = of_parts.chain(of_regions).collect();
         let rows = || groups.iter().flat_map(|(_, rows)| rows);
         let error = |index: usize, value: f64| (METRICS[index].3)(value);
         let largest: Vec<f64> = (0..METRICS.len())
@@ -115,7 +117,7 @@ impl MetricsTable {
                 Cell { text: (METRICS[index].2)(value), share: (share * 1000.0).round() / 1000.0 }
             }
         };
-        let row = |(class, name, values): &(&'static str, &'static str, Values)| Row {
+        let row = |(class, name, values): &Measured| Row {
             class,
             name,
             cells: values.iter().enumerate().map(cell).collect(),

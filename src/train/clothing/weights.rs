@@ -172,11 +172,11 @@ fn add_frames(
 /// Solves the first `count` equations of a positive definite matrix in place, by elimination.
 fn solve(matrix: &mut [[f32; MOST_BONES]; MOST_BONES], right: &mut [f32; MOST_BONES], count: usize) {
     for pivot in 0..count {
+        let from = matrix[pivot];
         for row in pivot + 1..count {
-            let factor = matrix[row][pivot] / matrix[pivot][pivot];
-            for column in pivot..count {
-                matrix[row][column] -= factor * matrix[pivot][column];
-            }
+            let factor = matrix[row][pivot] / from[pivot];
+            let entries = matrix[row].iter_mut().zip(from).take(count).skip(pivot);
+            entries.for_each(|(entry, above)| *entry -= factor * above);
             right[row] -= factor * right[pivot];
         }
     }

@@ -82,8 +82,7 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let inner = |entry: PathBuf| {
         if entry.is_dir() { contents(&entry) } else { vec![(entry.clone(), fs::read(entry).unwrap())] }
     };
-    let all =
-        entries.into_iter().filter(|entry| !entry.file_name().is_some_and(|name| name == ".lock")).flat_map(inner);
+    let all = entries.into_iter().filter(|entry| entry.file_name().is_none_or(|name| name != ".lock")).flat_map(inner);
     // The page quotes the command that wrote it.
     all.filter(|(path, _)| path.extension().is_none_or(|extension| extension != "html")).collect()
 }
