@@ -99,8 +99,9 @@ impl DistanceVolume {
 }
 
 /// A box of half extents 20, 10 and 15 cm around (0.1, 0, 0).
+/// A block from (-0.1, -0.1, -0.15) to (0.3, 0.1, 0.15).
 #[cfg(test)]
-fn cuboid() -> TriangleMesh {
+pub(super) fn cuboid() -> TriangleMesh {
     let corner = |index: u32| {
         let sign = |bit: u32| if index >> bit & 1 == 1 { 1.0 } else { -1.0 };
         Vec3::new(0.1 + 0.2 * sign(0), 0.1 * sign(1), 0.15 * sign(2))

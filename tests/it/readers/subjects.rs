@@ -296,7 +296,7 @@ fn fits_of_smpl_ask_for_a_model_of_smpl() {
     let folder = tempfile::tempdir().unwrap();
     write_scan(&folder.path().join("scan.ply"), &FRAMES[0]);
     fs::write(folder.path().join("gender.txt"), "male").unwrap();
-    for (count, family) in [(72, "of SMPL,"), (156, "of SMPL+H,")] {
+    for (count, family) in [(72, "of SMPL ("), (156, "of SMPL+H (")] {
         let fit = [
             ("pose".to_owned(), vector(&vec![0.0; count])),
             ("betas".to_owned(), vector(&[0.0; 10])),
@@ -307,7 +307,10 @@ fn fits_of_smpl_ask_for_a_model_of_smpl() {
         assert_eq!(subject.layout, Layout::Rvh);
         // The built-in model is one of SMPL-X.
         let error = subject.settled(SUBJECT.model()).unwrap_err().to_string();
-        assert!(error.contains(family) && error.contains("scan_smpl.pkl") && error.contains("of SMPL-X"), "{error}");
+        assert!(
+            error.contains(family) && error.contains("scan_smpl.pkl") && error.contains("of the SMPL-X skeleton"),
+            "{error}"
+        );
     }
 }
 

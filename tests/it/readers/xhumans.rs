@@ -182,7 +182,7 @@ fn a_damaged_frame_is_an_error_that_names_it() {
     .unwrap();
     assert!(complaint().contains("global_orient"));
     fs::remove_file(files.parameters.path().unwrap()).unwrap();
-    assert!(complaint().contains("SMPL-X parameters not found"));
+    assert!(complaint().contains("the frame's registration not found"));
     // Its scan alone still makes it a frame of the subject.
     assert_eq!(Subject::open(folder.path()).unwrap().test.len(), 1);
 }
