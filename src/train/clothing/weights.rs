@@ -238,7 +238,7 @@ mod tests {
     #[test]
     fn places_go_with_the_bone_that_their_surface_goes_with() {
         let places = [Vec3::new(0.29, 0.03, 0.02), Vec3::new(0.3, -0.04, 0.05), Vec3::new(0.31, 0.0, -0.06)];
-        let views = views(0.004, 0.004, &places);
+        let views = views(0.006, 0.006, &places);
         let spread = |place: usize, row: &Row| {
             let distances: Vec<f32> = views.iter().map(|view| view.distance(place, row)).collect();
             let mean = distances.iter().sum::<f32>() / distances.len() as f32;
@@ -254,7 +254,7 @@ mod tests {
     #[test]
     fn places_whose_surface_goes_with_their_own_bone_keep_it() {
         let places = [Vec3::new(0.29, 0.03, 0.02), Vec3::new(0.31, 0.0, -0.06)];
-        for row in refined(&views(0.0, 0.004, &places), &places) {
+        for row in refined(&views(0.0, 0.006, &places), &places) {
             assert!(weight_of(&row, 0) > 0.99, "{row:?}");
         }
     }
