@@ -4,8 +4,8 @@
 //! [`Phenotype`] blends, a rig of 163 bones whose joints are means of vertices, so that they follow every target, and skinning weights.
 //! From these:
 //!
-//! base + targets -> joints -> turned to SMPL-X's T-pose ([`t_pose`]) -> 55 joints ([`joints`]) -> ten shapes and ten expressions
-//! ([`directions`]) -> a joint regressor ([`regressor`]), hands ([`hands`]), labels of parts ([`labels`]).
+//! base + targets -> joints -> turned to SMPL-X's T-pose (`t_pose`) -> 55 joints (`joints`) -> ten shapes and ten expressions
+//! (`directions`) -> a joint regressor (`regressor`), hands (`hands`), labels of parts (`labels`).
 //!
 //! There are no pose correctives in the data; they are zero. V = 13,524 vertices of skin and eyes; metres.
 
