@@ -4,28 +4,14 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use safetensors::SafeTensors;
 
 use super::*;
 use crate::{BlendShapes, Role};
 
-const JOINTS: usize = 12;
+#[path = "../tests/it/reference.rs"]
+mod reference;
 
-/// The numbers of the reference, integers among them.
-fn golden() -> HashMap<String, Vec<f64>> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/body/part_separation.safetensors");
-    let bytes = std::fs::read(path).unwrap();
-    let file = SafeTensors::deserialize(&bytes).unwrap();
-    let read = |(name, view): (String, safetensors::tensor::TensorView)| {
-        let words = view.data().as_chunks::<8>().0.iter();
-        let values = match view.dtype() {
-            safetensors::Dtype::F64 => words.map(|bytes| f64::from_le_bytes(*bytes)).collect(),
-            _ => words.map(|bytes| i64::from_le_bytes(*bytes) as f64).collect(),
-        };
-        (name, values)
-    };
-    file.tensors().into_iter().map(read).collect()
-}
+const JOINTS: usize = 12;
 
 fn body(golden: &HashMap<String, Vec<f64>>, correctives: Correctives) -> BodyModel {
     let parents =
@@ -107,7 +93,7 @@ fn difference(whole: &BodyModel, part: &BodyPart, batch: &PoseBatch<f64>) -> f64
 
 #[test]
 fn the_part_of_the_reference_has_its_joints_and_equals_the_whole() {
-    let golden = golden();
+    let golden = reference::numbers("part_separation");
     let whole = body(&golden, quaternions(&golden));
     let part = whole.separated(&indices(&golden["part_vertices"]), 0.0).unwrap();
     assert_eq!(part.joints, indices(&golden["kept"]));
@@ -127,7 +113,7 @@ fn the_part_of_the_reference_has_its_joints_and_equals_the_whole() {
 // A root whose own rotation corrects the part would lose that; its parent is the root then.
 #[test]
 fn parts_equal_the_whole_whatever_drives_the_correctives() {
-    let golden = golden();
+    let golden = reference::numbers("part_separation");
     let dense: Vec<f32> = (0..60 * 3 * 99).map(|at| ((at * 37 % 101) as f32 / 101.0 - 0.5) * 0.01).collect();
     let entries = Correctives::RotationEntries(BlendShapes::from_columns(&dense, 99, 0..99));
     let with_root = Correctives::Quaternions {

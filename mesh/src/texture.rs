@@ -148,7 +148,7 @@ mod tests {
             ("skin.png", "Skin.PNG"),
             (" \"Skin.PNG\" ", "Skin.PNG"),
             ("C:\\Users\\me\\Skin.PNG", "Skin.PNG"),
-            ("/home/me/skin.png", "Skin.PNG"),
+            ("/elsewhere/skin.png", "Skin.PNG"),
             ("../other/skin.png", "Skin.PNG"),
             ("twin.png", "twin.png"),
         ] {

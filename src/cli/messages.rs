@@ -133,9 +133,9 @@ fn write_json(kind: &str, content: &impl Serialize) {
     }
 }
 
-/// The one place that writes to stderr: `super` denies it, so that `--quiet` and `--log-format` hold for all that is said, and no
-/// file's control characters reach the terminal.
-#[allow(clippy::print_stderr)]
+/// Writes to stderr, so that `--quiet` and `--log-format` hold for all that is said, and no file's control characters reach the
+/// terminal.
+#[allow(clippy::print_stderr, reason = "the one place that writes to stderr: `super` denies it elsewhere")]
 fn write(text: &str) {
     let text = harmless(text);
     BARS.suspend(|| eprintln!("{text}"));

@@ -10,7 +10,8 @@ use std::path::Path;
 use glam::Vec3;
 
 use crate::Result;
-use crate::body::smplx::{self, joint};
+use crate::body::smplx;
+use crate::body::smplx::joint::{self, sides};
 use crate::body::{BodyModel, HandPose, Pose, PoseAxisAngle, Skeleton};
 use crate::data::{Clip, Motion, MotionOptions, PosedClip};
 
@@ -31,19 +32,6 @@ const STANCE: f32 = 0.12;
 /// What closes the joints of a left finger, and of the thumb, three quarters of the way to a fist; about z, and about x, y, z.
 const FINGER_CURL: [f32; 3] = [-0.95, -1.15, -0.8];
 const THUMB_CURL: [f32; 3] = [0.15, 0.4, -0.05];
-
-/// Joints of both sides, the left one first.
-mod sides {
-    use crate::body::smplx::joint;
-
-    pub(super) const HIPS: [usize; 2] = [joint::LEFT_HIP, joint::RIGHT_HIP];
-    pub(super) const KNEES: [usize; 2] = [joint::LEFT_KNEE, joint::RIGHT_KNEE];
-    pub(super) const ANKLES: [usize; 2] = [joint::LEFT_ANKLE, joint::RIGHT_ANKLE];
-    pub(super) const COLLARS: [usize; 2] = [joint::LEFT_COLLAR, joint::RIGHT_COLLAR];
-    pub(super) const SHOULDERS: [usize; 2] = [joint::LEFT_SHOULDER, joint::RIGHT_SHOULDER];
-    pub(super) const ELBOWS: [usize; 2] = [joint::LEFT_ELBOW, joint::RIGHT_ELBOW];
-    pub(super) const WRISTS: [usize; 2] = [joint::LEFT_WRIST, joint::RIGHT_WRIST];
-}
 
 /// The built-in motion: 2.4 seconds of a dance in which every part of the body moves; the last frame runs into the first.
 pub fn dance() -> Clip {

@@ -66,15 +66,15 @@ impl SkinningBinding {
     /// # Errors
     /// If the field is on another grid.
     pub fn prune_starts(&self, skinning: &mut Skinning<f32>, groups: &StartGroups) -> Result<()> {
-        match (&self.0, &mut skinning.0) {
-            (Bound::Grid(grid), Kind::Grid(field)) => grid.prune_starts(field, groups, &skinning.1),
+        match (&self.0, &mut skinning.kind) {
+            (Bound::Grid(grid), Kind::Grid(field)) => grid.prune_starts(field, groups, &skinning.worn),
             _ => Ok(()),
         }
     }
 
     /// Whether something is worn at a point, as far as the skinning field knows.
     pub fn is_worn_at(&self, skinning: &Skinning<f32>, point: Vec3) -> bool {
-        matches!(&self.0, Bound::Grid(grid) if grid.is_worn_at(&skinning.1, point))
+        matches!(&self.0, Bound::Grid(grid) if grid.is_worn_at(&skinning.worn, point))
     }
 
     /// The offsets at a grid's nodes (R) of a body whose vertices move by `offsets` (V).

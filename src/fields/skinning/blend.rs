@@ -69,7 +69,7 @@ impl<T: Real> Skinning<T> {
 
     /// The weights (N, J) of a block of points, for [`Skinning::weights_backward`]; none where the field does not follow weights.
     pub fn followed_weights<'b>(&self, blend: &'b mut Blend<T>, points: &[[T; 3]]) -> Option<&'b [T]> {
-        let Kind::Network(field) = &self.0 else { return None };
+        let Kind::Network(field) = &self.kind else { return None };
         blend.weights.resize(points.len() * self.joints(), T::zero());
         field.forward(&mut blend.trace, points, &mut blend.weights);
         Some(&blend.weights)
@@ -77,7 +77,7 @@ impl<T: Real> Skinning<T> {
 
     /// Adds what cotangents of the block's [`Skinning::followed_weights`] (N, J) pull back to.
     pub fn weights_backward(&self, blend: &mut Blend<T>, cotangents: &[T], gradient: &mut SkinningGradient<T>) {
-        if let (Kind::Network(field), SkinningGradient::Network(gradient)) = (&self.0, gradient) {
+        if let (Kind::Network(field), SkinningGradient::Network(gradient)) = (&self.kind, gradient) {
             field.backward(&mut blend.trace, cotangents, None, Backward::Parameters, gradient);
         }
     }
@@ -94,7 +94,7 @@ impl<T: Real> Skinning<T> {
         cotangents: &[Jacobian<T>],
         gradient: &mut SkinningGradient<T>,
     ) -> Result<()> {
-        let (Kind::Network(field), SkinningGradient::Network(gradient)) = (&self.0, gradient) else { return Ok(()) };
+        let (Kind::Network(field), SkinningGradient::Network(gradient)) = (&self.kind, gradient) else { return Ok(()) };
         let Blend { trace, slopes, weight_cotangents, slope_cotangents, point_cotangents, .. } = blend;
         clear(weight_cotangents, points.len() * bones.len(), T::zero());
         clear(slope_cotangents, 3 * points.len() * bones.len(), T::zero());
@@ -117,7 +117,7 @@ impl<T: Real> Skinning<T> {
         cotangents: &[[T; 3]],
         gradient: &mut SkinningGradient<T>,
     ) -> Result<()> {
-        match (&self.0, gradient) {
+        match (&self.kind, gradient) {
             (Kind::Network(field), SkinningGradient::Network(gradient)) => {
                 self.blend(blend, bones, roots)?;
                 let Blend {

@@ -56,7 +56,7 @@ impl<T: Real> SummedSkinning<'_, T> {
 impl<T: Real> Skinning<T> {
     /// A thread's gradient that nothing has been added to yet.
     pub fn zero_gradient(&self) -> SkinningGradient<T> {
-        match &self.0 {
+        match &self.kind {
             Kind::Network(field) => SkinningGradient::Network(field.mlp().zero_gradient()),
             Kind::Grid(_) => SkinningGradient::Grid { roots: Vec::new() },
         }
@@ -64,7 +64,7 @@ impl<T: Real> Skinning<T> {
 
     /// A gradient of a grid's logits (P) that nothing has been added to yet; empty for a network.
     pub fn zero_logit_gradient(&self) -> Vec<T> {
-        match &self.0 {
+        match &self.kind {
             Kind::Network(_) => Vec::new(),
             Kind::Grid(field) => field.zero_gradient(),
         }
@@ -76,7 +76,7 @@ impl<T: Real> Skinning<T> {
     /// # Errors
     /// If `logits` has not one element per logit.
     pub fn pull_to_initial(&self, weight: T, logits: &mut [T]) -> Result<Option<T>> {
-        match &self.0 {
+        match &self.kind {
             Kind::Network(_) => Ok(None),
             Kind::Grid(field) => Ok(Some(field.pull_to_initial(weight, logits)?)),
         }
@@ -88,7 +88,7 @@ impl<T: Real> Skinning<T> {
         threads: impl IntoIterator<Item = &'a mut SkinningGradient<T>>,
         logits: &'a mut [T],
     ) -> SummedSkinning<'a, T> {
-        match &self.0 {
+        match &self.kind {
             Kind::Network(field) => {
                 let of_network = |gradient: &'a mut SkinningGradient<T>| match gradient {
                     SkinningGradient::Network(gradient) => Some(gradient),
@@ -109,7 +109,7 @@ impl<T: Real> Skinning<T> {
         (network, logits): (ParameterGroup, ParameterGroup),
         factor: f64,
     ) {
-        match (&mut self.0, gradient) {
+        match (&mut self.kind, gradient) {
             (Kind::Network(field), SummedSkinning::Network(gradient)) => {
                 adam.step_network(&NetworkUpdate { network, grid: network, factor }, gradient, field.mlp_mut());
             }

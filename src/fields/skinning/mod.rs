@@ -24,9 +24,13 @@ use crate::Result;
 use crate::body::Skeleton;
 use crate::config::{SearchedField, SkinningShape};
 
-/// The field of skinning weights; of a grid also which nodes (R) something is worn at, if that is known.
+/// The field of skinning weights.
 #[derive(Clone, Debug)]
-pub struct Skinning<T>(Kind<T>, Vec<bool>);
+pub struct Skinning<T> {
+    kind: Kind<T>,
+    /// At which nodes of a grid (R) something is worn; empty if that is not known.
+    worn: Vec<bool>,
+}
 
 #[derive(Clone, Debug)]
 enum Kind<T> {
@@ -44,7 +48,7 @@ impl<T: Real> Skinning<T> {
     pub fn network(shape: &SkinningShape, skeleton: &Skeleton) -> Result<Self> {
         let tree = KinematicTree::new(&skeleton.parents)?;
         let field = SkinningField::new(tree, shape.depth, shape.width, shape.frequencies, shape.blend.into())?;
-        Ok(Self(Kind::Network(field), Vec::new()))
+        Ok(Self { kind: Kind::Network(field), worn: Vec::new() })
     }
 
     /// A field that is a grid.
@@ -54,12 +58,12 @@ impl<T: Real> Skinning<T> {
 
     /// A field that is a grid, with the nodes (R) that something is worn at, or none if that is not known.
     pub fn worn_grid(field: VoxelSkinning<T>, worn: Vec<bool>) -> Self {
-        Self(Kind::Grid(field), worn)
+        Self { kind: Kind::Grid(field), worn }
     }
 
     /// Draws a network's parameters; a grid has its own from the body model.
     pub fn initialise(&mut self, random: &mut impl Rng) {
-        if let Kind::Network(field) = &mut self.0 {
+        if let Kind::Network(field) = &mut self.kind {
             field.initialise(random);
         }
     }
@@ -72,7 +76,7 @@ impl<T: Real> Skinning<T> {
         weights: &mut [T],
         gradients: &mut [T],
     ) {
-        match &self.0 {
+        match &self.kind {
             Kind::Network(field) => field.weights_and_gradients(trace, points, weights, gradients),
             Kind::Grid(field) => field.weights_and_gradients(&mut (), points, weights, gradients),
         }
@@ -80,7 +84,7 @@ impl<T: Real> Skinning<T> {
 
     /// Weights (N, J) at canonical points (N).
     pub fn weights(&self, trace: &mut SkinningTrace<T>, points: &[[T; 3]], weights: &mut [T]) {
-        match &self.0 {
+        match &self.kind {
             Kind::Network(field) => field.weights(trace, points, weights),
             Kind::Grid(field) => field.weights(&mut (), points, weights),
         }
@@ -88,7 +92,7 @@ impl<T: Real> Skinning<T> {
 
     /// J.
     pub fn joints(&self) -> usize {
-        match &self.0 {
+        match &self.kind {
             Kind::Network(field) => field.joints(),
             Kind::Grid(field) => field.joints(),
         }
@@ -96,7 +100,7 @@ impl<T: Real> Skinning<T> {
 
     /// The parameters (P): a network's, or a grid's logits.
     pub fn parameters(&self) -> &[T] {
-        match &self.0 {
+        match &self.kind {
             Kind::Network(field) => field.mlp().parameters(),
             Kind::Grid(field) => field.parameters(),
         }
@@ -104,7 +108,7 @@ impl<T: Real> Skinning<T> {
 
     /// Changes the parameters (P).
     pub fn update(&mut self, change: impl FnOnce(&mut [T])) {
-        match &mut self.0 {
+        match &mut self.kind {
             Kind::Network(field) => field.mlp_mut().update(change),
             Kind::Grid(field) => field.update(change),
         }
@@ -112,7 +116,7 @@ impl<T: Real> Skinning<T> {
 
     /// Nodes of the grid, where that is what it is.
     pub fn nodes(&self) -> Option<usize> {
-        match &self.0 {
+        match &self.kind {
             Kind::Network(_) => None,
             Kind::Grid(field) => Some(field.baked().grid().len()),
         }
@@ -120,12 +124,12 @@ impl<T: Real> Skinning<T> {
 
     /// Whether it is trained towards the weights that known points should have.
     pub fn follows_weights(&self) -> bool {
-        matches!(self.0, Kind::Network(_))
+        matches!(self.kind, Kind::Network(_))
     }
 
     /// Whether its warp carries the body model's blend shapes: then what expression and pose add is no matter of the geometry field.
     pub fn carries_blend_shapes(&self) -> bool {
-        matches!(self.0, Kind::Grid(_))
+        matches!(self.kind, Kind::Grid(_))
     }
 }
 
@@ -135,7 +139,7 @@ impl Skinning<f32> {
     /// # Errors
     /// If the box is empty or the grid too large.
     pub fn bake(&self, searched: SearchedField, bounds: (Vec3, Vec3)) -> Result<Option<BakedWeights<f32>>> {
-        match (&self.0, searched) {
+        match (&self.kind, searched) {
             (Kind::Network(field), SearchedField::Baked { nodes, .. }) => {
                 let grid = Grid::regular(bounds.0.to_array(), bounds.1.to_array(), nodes)?;
                 Ok(Some(BakedWeights::sample(field, grid)?))

@@ -23,9 +23,9 @@ const WORN: &str = "skinning.worn";
 impl Skinning<f32> {
     /// Stores the field.
     pub(crate) fn insert_into(&self, file: &mut TensorFile) {
-        match &self.0 {
+        match &self.kind {
             Kind::Network(field) => insert_network(file, NAME, field.mlp()),
-            Kind::Grid(field) => insert_grid(file, field, &self.1),
+            Kind::Grid(field) => insert_grid(file, field, &self.worn),
         }
     }
 
@@ -40,7 +40,7 @@ impl Skinning<f32> {
             SkinningSettings::Network(shape) => Self::network(shape, skeleton),
             SkinningSettings::Voxels(_) => {
                 let field = read_grid(skeleton.joints.len(), file, path)?;
-                let worn = read_worn(file, field.baked().grid().len());
+                let worn = read_worn(file, field.baked().grid().len(), path)?;
                 Ok(Self::worn_grid(field, worn))
             }
         }
@@ -48,7 +48,7 @@ impl Skinning<f32> {
 
     /// Replaces the parameters by the stored ones.
     pub(crate) fn load_from(&mut self, file: &TensorFile) -> Result<()> {
-        let field = match &mut self.0 {
+        let field = match &mut self.kind {
             Kind::Network(field) => return load_network(file, NAME, field.mlp_mut()),
             Kind::Grid(field) => field,
         };
@@ -84,15 +84,25 @@ fn insert_grid(file: &mut TensorFile, field: &VoxelSkinning<f32>, worn: &[bool])
 }
 
 /// Which of `nodes` nodes something is worn at; none known if none is stored.
-fn read_worn(file: &TensorFile, nodes: usize) -> Vec<bool> {
-    let Some((_, numbers)) = file.tensors.get(WORN) else { return Vec::new() };
+fn read_worn(file: &TensorFile, nodes: usize, path: &Path) -> Result<Vec<bool>> {
+    let Some((_, numbers)) = file.tensors.get(WORN) else { return Ok(Vec::new()) };
     let mut worn = vec![false; nodes];
-    for node in numbers {
-        if let Some(flag) = worn.get_mut(*node as usize) {
-            *flag = true;
+    for number in numbers {
+        let node = *number as usize;
+        match worn.get_mut(node) {
+            Some(flag) if node as f32 == *number => *flag = true,
+            _ => {
+                return Err(Error::from(InputError::Malformed {
+                    path: path.into(),
+                    format: "avatar",
+                    place: format!("tensor `{WORN}`"),
+                    found: number.to_string(),
+                    expected: format!("numbers of nodes, below {nodes}"),
+                }));
+            }
         }
     }
-    worn
+    Ok(worn)
 }
 
 fn read_grid(joints: usize, file: &TensorFile, path: &Path) -> Result<VoxelSkinning<f32>> {
@@ -137,8 +147,13 @@ mod tests {
         Skinning::worn_grid(field, worn.clone()).insert_into(&mut file);
         let read =
             |file: &TensorFile| Skinning::stored(&settings, smplx::skeleton(), file, Path::new("avatar")).unwrap();
-        assert_eq!(read(&file).1, worn);
+        assert_eq!(read(&file).worn, worn);
+        for wrong in [-1.0, 0.5, f32::NAN, rows.len() as f32] {
+            file.tensors.insert(WORN.into(), (vec![1], vec![wrong]));
+            let stored = Skinning::stored(&settings, smplx::skeleton(), &file, Path::new("avatar"));
+            assert!(stored.unwrap_err().to_string().contains(WORN), "{wrong}");
+        }
         file.tensors.remove(WORN);
-        assert!(read(&file).1.is_empty());
+        assert!(read(&file).worn.is_empty());
     }
 }

@@ -47,7 +47,7 @@ impl Skinning<f32> {
         bones: &'a [BoneTransform<f32>],
         offsets: Option<&[[f32; 3]]>,
     ) -> Result<PosedWarp<'a>> {
-        Ok(PosedWarp(match (&self.0, baked) {
+        Ok(PosedWarp(match (&self.kind, baked) {
             (Kind::Network(field), None) => Warps::Network(ExactWarp::new(field, bones)?),
             (Kind::Network(field), Some(baked)) => {
                 Warps::Polished(baked.warp(bones, None)?, ExactWarp::new(field, bones)?)
@@ -69,7 +69,7 @@ impl Skinning<f32> {
         cotangents: impl FnOnce() -> Vec<[f32; 3]>,
         gradient: &mut [f32],
     ) -> Result<()> {
-        if let (Kind::Grid(field), Warps::Grid(warp)) = (&self.0, &warp.0) {
+        if let (Kind::Grid(field), Warps::Grid(warp)) = (&self.kind, &warp.0) {
             field.root_backward(warp, offsets, roots, &cotangents(), gradient)?;
         }
         Ok(())

@@ -1,39 +1,27 @@
 //! Exported files, read back by another reader and posed by their own arrays, against the avatar's exact motion.
 
 use std::collections::HashMap;
-use std::sync::OnceLock;
 
 use glam::{DMat4, DQuat, DVec3, Quat, Vec3};
 use gltf::animation::util::ReadOutputs;
 use tempfile::TempDir;
 use xavatar::avatar::{Avatar, FixedTopology, Subject};
 use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
-use xavatar::config::{Config, SkinningSettings, VoxelShape};
+use xavatar::config::{SkinningSettings, VoxelShape};
 use xavatar::export::{RiggedMesh, Rigging, bake_texture, ground_mesh, ground_motion, write_glb};
 use xavatar::fields::{CanonicalGrid, Fields, Skinning};
 use xavatar::mesh::{Colouring, ReadMesh, read_mesh, write_obj, write_ply};
-use xavatar::synthetic::{BuiltInSubject, Split};
+use xavatar::synthetic::Split;
 use xavatar_network::Trace;
+
+use super::untrained::{small_networks, subject};
 
 const RIGGING: Rigging = Rigging { resolution: 40, influences: 8, correctives: 40 };
 const RATE: f32 = 25.0;
 
-fn subject() -> &'static BuiltInSubject {
-    static SUBJECT: OnceLock<BuiltInSubject> = OnceLock::new();
-    SUBJECT.get_or_init(|| BuiltInSubject::new().unwrap())
-}
-
 /// Geometry and colour that nothing was trained of: a ball. `grid`: skinned as the body is, with its offsets; else by chance.
 fn avatar(grid: bool) -> Avatar {
-    let small = [
-        ("fields.geometry.width", "48"),
-        ("fields.geometry.frequencies", "2"),
-        ("fields.texture.width", "32"),
-        ("fields.texture.frequencies", "1"),
-        ("fields.skinning.width", "32"),
-    ];
-    let settings: Vec<_> = small.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
-    let mut config = Config::preset_with("paper-scan", &settings).unwrap();
+    let mut config = small_networks();
     let (body, betas) = (subject().model(), subject().betas());
     // Larger than the ball, so that its surface is not cut off, even where a test makes it uneven.
     let bounds = (Vec3::splat(-1.6), Vec3::splat(1.6));

@@ -15,8 +15,8 @@ pub fn subject() -> &'static BuiltInSubject {
     SUBJECT.get_or_init(|| BuiltInSubject::new().unwrap())
 }
 
-/// Fields that nothing was trained of: a ball, with the skinning weights that chance gave it.
-pub fn untrained() -> Avatar {
+/// The paper's networks, but small.
+pub fn small_networks() -> Config {
     let small = [
         ("fields.geometry.width", "48"),
         ("fields.geometry.frequencies", "2"),
@@ -25,7 +25,12 @@ pub fn untrained() -> Avatar {
         ("fields.skinning.width", "32"),
     ];
     let settings: Vec<_> = small.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
-    let config = Config::preset_with("paper-scan", &settings).unwrap();
+    Config::preset_with("paper-scan", &settings).unwrap()
+}
+
+/// Fields that nothing was trained of: a ball, with the skinning weights that chance gave it.
+pub fn untrained() -> Avatar {
+    let config = small_networks();
     // Larger than the ball, so that its surface is not cut off.
     let bounds = (Vec3::splat(-1.3), Vec3::splat(1.3));
     let SkinningSettings::Network(shape) = &config.fields.skinning else { unreachable!("a paper preset") };

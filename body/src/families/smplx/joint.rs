@@ -37,6 +37,24 @@ pub const RIGHT_THUMB: Range<usize> = RIGHT_HAND.end - FINGER..RIGHT_HAND.end;
 /// All joints.
 pub const COUNT: usize = RIGHT_HAND.end;
 
+/// Joints of both sides, the left one first.
+pub mod sides {
+    /// The hips.
+    pub const HIPS: [usize; 2] = [super::LEFT_HIP, super::RIGHT_HIP];
+    /// The knees.
+    pub const KNEES: [usize; 2] = [super::LEFT_KNEE, super::RIGHT_KNEE];
+    /// The ankles.
+    pub const ANKLES: [usize; 2] = [super::LEFT_ANKLE, super::RIGHT_ANKLE];
+    /// The collars.
+    pub const COLLARS: [usize; 2] = [super::LEFT_COLLAR, super::RIGHT_COLLAR];
+    /// The shoulders.
+    pub const SHOULDERS: [usize; 2] = [super::LEFT_SHOULDER, super::RIGHT_SHOULDER];
+    /// The elbows.
+    pub const ELBOWS: [usize; 2] = [super::LEFT_ELBOW, super::RIGHT_ELBOW];
+    /// The wrists.
+    pub const WRISTS: [usize; 2] = [super::LEFT_WRIST, super::RIGHT_WRIST];
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::stance::{ANKLES, HIPS, KNEES, Stance};
+use super::stance::Stance;
+use xavatar_body::smplx::joint::sides::{ANKLES, HIPS, KNEES};
 
 /// Means above this, of cosines with forward, say which way.
 const CLEAR: f64 = 0.5;

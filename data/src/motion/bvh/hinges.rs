@@ -8,7 +8,8 @@ use glam::DVec3;
 use xavatar_body::smplx::joint;
 
 use super::alignment::Axes;
-use super::stance::{ANKLES, KNEES, Stance};
+use super::stance::Stance;
+use xavatar_body::smplx::joint::sides::{ANKLES, KNEES};
 
 /// A limb bends if it does by this much in some frame, a sine: 15 degrees.
 const BENDS: f64 = 0.26;

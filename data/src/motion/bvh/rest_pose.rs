@@ -10,8 +10,9 @@ use xavatar_body::smplx::{self, joint};
 
 use super::alignment::{Axes, Reference, Roll};
 use super::hinges::HINGES;
-use super::stance::{ANKLES, COLLARS, ELBOWS, HIPS, KNEES, SHOULDERS, Stance};
+use super::stance::Stance;
 use super::upright::WorldUp;
+use xavatar_body::smplx::joint::sides::{ANKLES, COLLARS, ELBOWS, HIPS, KNEES, SHOULDERS};
 
 /// Degrees within which the parts of a body standing are of where the T-pose has them.
 const UPRIGHT_BACK: f64 = 50.0;

@@ -19,9 +19,10 @@ use super::handedness::Handedness;
 use super::hinges::twists;
 use super::rest_pose::{Part, RestPose, degrees};
 use super::skeleton::Bvh;
-use super::stance::{HIPS, SHOULDERS, Stance};
+use super::stance::Stance;
 use super::upright::WorldUp;
 use crate::motion::{RestPose as AvatarRest, UpAxis, Warning};
+use xavatar_body::smplx::joint::sides::{HIPS, SHOULDERS};
 
 /// Without these there is no person: pelvis, hips, knees, ankles, shoulders, elbows.
 const REQUIRED: [usize; 11] = [

@@ -3,6 +3,7 @@
 //! The body's axes are left, up and forward, of hips and collar bones alone: they need no bone's own axes.
 
 use glam::{DMat3, DQuat, DVec3};
+use xavatar_body::smplx::joint::sides::{ANKLES, COLLARS, HIPS, KNEES, SHOULDERS};
 use xavatar_body::smplx::{self, joint};
 
 use super::bones::Bones;
@@ -23,14 +24,6 @@ const ENDS: [(usize, usize); 12] = [
     (joint::LEFT_ELBOW, joint::LEFT_WRIST),
     (joint::RIGHT_ELBOW, joint::RIGHT_WRIST),
 ];
-
-/// Joints of both sides, the left one first.
-pub(super) const HIPS: [usize; 2] = [joint::LEFT_HIP, joint::RIGHT_HIP];
-pub(super) const KNEES: [usize; 2] = [joint::LEFT_KNEE, joint::RIGHT_KNEE];
-pub(super) const ANKLES: [usize; 2] = [joint::LEFT_ANKLE, joint::RIGHT_ANKLE];
-pub(super) const COLLARS: [usize; 2] = [joint::LEFT_COLLAR, joint::RIGHT_COLLAR];
-pub(super) const SHOULDERS: [usize; 2] = [joint::LEFT_SHOULDER, joint::RIGHT_SHOULDER];
-pub(super) const ELBOWS: [usize; 2] = [joint::LEFT_ELBOW, joint::RIGHT_ELBOW];
 
 /// Joints closer than this, by the length of both legs, have no direction between them.
 const APART: f64 = 0.02;

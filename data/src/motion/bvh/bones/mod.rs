@@ -14,9 +14,9 @@ use xavatar_body::smplx::{self, joint};
 use xavatar_formats::{Error, Result};
 
 use super::skeleton::Joint;
-use super::stance::{HIPS, SHOULDERS};
 use name::{Name, Phalanx};
 use tree::Tree;
+use xavatar_body::smplx::joint::sides::{HIPS, SHOULDERS};
 
 /// The bone (an index into the file's joints) of each SMPL-X joint, if it has one.
 pub(super) type Bones = Vec<Option<usize>>;

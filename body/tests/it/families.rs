@@ -3,29 +3,14 @@
 //! The references hold loss = sum c_vertices . vertices + sum c_joints . joints and its derivatives by pose, coefficients, translation.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
 
-use safetensors::{Dtype, SafeTensors};
 use xavatar_body::{
     BodyModel, Coefficients, ConstrainedBatch, Gender, HandPose, HingeConvention, JointConstraints, JointFreedom,
     Limits, PoseAxisAngle, PoseBatch, mano,
 };
 use xavatar_formats::{Array, ArrayData, ArrayMap, read_npz};
 
-fn golden(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/body").join(name)
-}
-
-/// The f64 tensors of a reference file.
-fn tensors(name: &str) -> HashMap<String, Vec<f64>> {
-    let bytes = std::fs::read(golden(&format!("{name}.safetensors"))).unwrap();
-    let file = SafeTensors::deserialize(&bytes).unwrap();
-    let read = |(name, view): (String, safetensors::tensor::TensorView)| {
-        assert_eq!(view.dtype(), Dtype::F64, "{name}");
-        (name, view.data().as_chunks().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
-    };
-    file.tensors().into_iter().map(read).collect()
-}
+use super::reference::{golden, numbers};
 
 fn triples(values: &[f64]) -> Vec<[f64; 3]> {
     values.as_chunks().0.to_vec()
@@ -40,7 +25,7 @@ fn largest_difference(found: &[f64], expected: &[f64]) -> f64 {
 fn family(name: &str) -> (BodyModel, HashMap<String, Vec<f64>>) {
     let path = golden(&format!("tiny_{name}.npz"));
     let model = BodyModel::from_arrays_with(&path, &read_npz(&path).unwrap(), Coefficients::Usual).unwrap();
-    (model, tensors(&format!("forward_{name}")))
+    (model, numbers(&format!("forward_{name}")))
 }
 
 fn batch(golden: &HashMap<String, Vec<f64>>) -> PoseBatch<f64> {
@@ -144,7 +129,7 @@ fn batches_that_do_not_fit_are_errors() {
 fn supr_is_read_from_its_npy_and_agrees_with_the_reference() {
     let model = BodyModel::load(&golden("tiny_supr.npy"), Gender::Neutral).unwrap();
     assert_eq!((model.skeleton().family.as_str(), model.correctives().count()), ("SUPR", 4 * 12));
-    let golden = tensors("forward_supr");
+    let golden = numbers("forward_supr");
     let batch = batch(&golden);
     let posed = model.pose_batch(&batch).unwrap();
     assert!(largest_difference(posed.vertices.as_flattened(), &golden["vertices"]) < 1e-12);
@@ -160,7 +145,7 @@ fn supr_is_read_from_its_npy_and_agrees_with_the_reference() {
 #[test]
 fn hands_in_components_are_resolved_with_their_model() {
     let (model, _) = family("mano");
-    let golden = tensors("forward_mano_pca");
+    let golden = numbers("forward_mano_pca");
     let row = |name: &str, frame: usize, width: usize| -> Vec<f32> {
         golden[name][frame * width..(frame + 1) * width].iter().map(|value| *value as f32).collect()
     };
@@ -214,7 +199,7 @@ fn constrained_agrees(convention: HingeConvention, name: &str) {
     let model = BodyModel::from_arrays(&path, &arrays).unwrap();
     let constraints = JointConstraints::of_supr(&arrays).unwrap().unwrap().in_convention(convention);
     assert_eq!((constraints.numbers(), constraints.joints().len()), (25, 12));
-    let golden = tensors("constrained");
+    let golden = numbers("constrained");
     let batch = ConstrainedBatch {
         numbers: golden["pose"].clone(),
         coefficients: golden["coefficients"].clone(),

@@ -1,28 +1,13 @@
 //! A model moved to another mesh, against double-precision references and back on its own.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
-use safetensors::SafeTensors;
 use xavatar_body::{BodyModel, Pose, PoseAxisAngle, ShapeSpace, SurfaceMap, moved};
 use xavatar_formats::{Array, ArrayData, ArrayMap};
 use xavatar_mesh::TriangleMesh;
 
-fn golden() -> HashMap<String, Vec<f64>> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/body/reparameterisation.safetensors");
-    let bytes = std::fs::read(path).unwrap();
-    let file = SafeTensors::deserialize(&bytes).unwrap();
-    let read = |(name, view): (String, safetensors::tensor::TensorView)| {
-        let words = view.data().as_chunks::<8>().0.iter();
-        let values = match view.dtype() {
-            safetensors::Dtype::F64 => words.map(|bytes| f64::from_le_bytes(*bytes)).collect(),
-            _ => words.map(|bytes| i64::from_le_bytes(*bytes) as f64).collect(),
-        };
-        (name, values)
-    };
-    file.tensors().into_iter().map(read).collect()
-}
+use super::reference::numbers;
 
 fn points(values: &[f64]) -> Vec<DVec3> {
     values.as_chunks::<3>().0.iter().map(|point| DVec3::from(*point)).collect()
@@ -30,7 +15,7 @@ fn points(values: &[f64]) -> Vec<DVec3> {
 
 #[test]
 fn closest_points_carry_what_is_on_the_surface() {
-    let golden = golden();
+    let golden = numbers("reparameterisation");
     let faces: Vec<[u32; 3]> =
         golden["faces_1"].as_chunks::<3>().0.iter().map(|face| face.map(|corner| corner as u32)).collect();
     let map = SurfaceMap::new(&points(&golden["points_2"]), &points(&golden["points_1"]), &faces, None).unwrap();
@@ -144,7 +129,7 @@ fn columns(values: &[f64], count: usize) -> Vec<Vec<f64>> {
 
 #[test]
 fn a_space_of_shapes_moves_with_its_misfit_and_is_measured() {
-    let golden = golden();
+    let golden = numbers("reparameterisation");
     let faces: Vec<[u32; 3]> =
         golden["faces_1"].as_chunks::<3>().0.iter().map(|face| face.map(|corner| corner as u32)).collect();
     let map = SurfaceMap::new(&points(&golden["points_2"]), &points(&golden["points_1"]), &faces, None).unwrap();
