@@ -95,19 +95,11 @@ impl CanonicalGrid {
         Ok(Self { grid, places, distances })
     }
 
-    /// A skinning field on the grid that starts from the body model's weights.
-    ///
-    /// # Errors
-    /// If a place has no weights.
-    pub fn skinning(&self, body: &BodyModel) -> Result<VoxelSkinning<f32>> {
-        self.skinning_of(body, &self.body_rows(body))
-    }
-
     /// A skinning field on the grid that starts from these rows.
     ///
     /// # Errors
     /// If there is not a row a node, or one has no weights.
-    pub fn skinning_of(&self, body: &BodyModel, rows: &NodeRows) -> Result<VoxelSkinning<f32>> {
+    pub fn skinning(&self, body: &BodyModel, rows: &NodeRows) -> Result<VoxelSkinning<f32>> {
         Ok(VoxelSkinning::new(self.grid.clone(), body.skeleton().joints.len(), &rows.weights)?)
     }
 

@@ -44,7 +44,7 @@ impl SkinningBinding {
             Bound::Network(shape) => Skinning::network(shape, body.skeleton()),
             Bound::Grid(grid) => {
                 let rows = rows(grid)?;
-                Ok(Skinning::worn_grid(grid.skinning_of(body, &rows)?, rows.worn))
+                Ok(Skinning::grid(grid.skinning(body, &rows)?, rows.worn))
             }
         }
     }

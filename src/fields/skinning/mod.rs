@@ -51,13 +51,8 @@ impl<T: Real> Skinning<T> {
         Ok(Self { kind: Kind::Network(field), worn: Vec::new() })
     }
 
-    /// A field that is a grid.
-    pub fn grid(field: VoxelSkinning<T>) -> Self {
-        Self::worn_grid(field, Vec::new())
-    }
-
     /// A field that is a grid, with the nodes (R) that something is worn at, or none if that is not known.
-    pub fn worn_grid(field: VoxelSkinning<T>, worn: Vec<bool>) -> Self {
+    pub fn grid(field: VoxelSkinning<T>, worn: Vec<bool>) -> Self {
         Self { kind: Kind::Grid(field), worn }
     }
 

@@ -41,7 +41,7 @@ impl Skinning<f32> {
             SkinningSettings::Voxels(_) => {
                 let field = read_grid(skeleton.joints.len(), file, path)?;
                 let worn = read_worn(file, field.baked().grid().len(), path)?;
-                Ok(Self::worn_grid(field, worn))
+                Ok(Self::grid(field, worn))
             }
         }
     }
@@ -144,7 +144,7 @@ mod tests {
         let worn: Vec<bool> = (0..rows.len()).map(|node| node % 4 == 1).collect();
         let settings = SkinningSettings::Voxels(VoxelShape { spacing: 0.5, fine_spacing: 0.5 });
         let mut file = TensorFile::default();
-        Skinning::worn_grid(field, worn.clone()).insert_into(&mut file);
+        Skinning::grid(field, worn.clone()).insert_into(&mut file);
         let read =
             |file: &TensorFile| Skinning::stored(&settings, smplx::skeleton(), file, Path::new("avatar")).unwrap();
         assert_eq!(read(&file).worn, worn);

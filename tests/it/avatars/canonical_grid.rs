@@ -21,7 +21,7 @@ fn mean_error(shape: VoxelShape, with_offsets: bool) -> f32 {
     let (body, betas) = (subject.model(), subject.betas());
     let parameters = expressive(betas);
     let grid = CanonicalGrid::new(body, subject.part_labels(), betas, shape).unwrap();
-    let skinning = grid.skinning(body).unwrap();
+    let skinning = grid.skinning(body, &grid.body_rows(body)).unwrap();
     let bones = bone_rows(&body.canonical_to_posed(&parameters).unwrap());
     let offsets = with_offsets.then(|| grid.node_offsets(&body.canonical_offsets(&parameters).unwrap()));
     let warp = skinning.baked().warp(&bones, offsets.as_deref()).unwrap();

@@ -29,7 +29,7 @@ fn avatar(grid: bool) -> Avatar {
         let shape = VoxelShape { spacing: 0.1, fine_spacing: 0.05 };
         config.fields.skinning = SkinningSettings::Voxels(shape);
         let grid = CanonicalGrid::new(body, subject().part_labels(), betas, shape).unwrap();
-        Skinning::grid(grid.skinning(body).unwrap())
+        Skinning::grid(grid.skinning(body, &grid.body_rows(body)).unwrap(), Vec::new())
     } else {
         let SkinningSettings::Network(shape) = &config.fields.skinning else { unreachable!("a paper preset") };
         Skinning::network(shape, smplx::skeleton()).unwrap()
