@@ -128,7 +128,7 @@ mod tests {
     }
 
     fn hanging(views: &[View]) -> usize {
-        (0..views.len()).map(|own| View::hanging(views, own, &|place| place.y < -0.2)).sum()
+        (0..views.len()).map(|own| View::hanging(views, own, &|place| place.y < -0.205)).sum()
     }
 
     #[test]
