@@ -20,6 +20,7 @@ if ! "$folder/environment/bin/pip" install --quiet pytest 'maturin>=1.7,<2' 'num
     echo "skipped: pip cannot install pytest, maturin and numpy ($(tail -1 "$folder/log"))"
     exit 0
 fi
-export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/target}
-"$folder/environment/bin/pip" install --quiet --no-build-isolation --no-deps .
-"$folder/environment/bin/python" -m pytest -q "$@"
+export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/target} PATH="$folder/environment/bin:$PATH"
+pip install --quiet --no-build-isolation --no-deps .
+# -rs: what is skipped is said.
+python -m pytest -q -rs "$@"

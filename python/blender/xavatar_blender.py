@@ -25,7 +25,7 @@ import urllib.request
 import bpy
 import numpy
 from bpy_extras.io_utils import ImportHelper
-from mathutils import Matrix, Quaternion, Vector
+from mathutils import Quaternion, Vector
 
 bl_info = {
     "name": "xavatar",
@@ -41,6 +41,8 @@ bl_info = {
 UPRIGHT = (math.pi / 2, 0.0, 0.0)
 #: The length of a bone that no other hangs on, as a share of its parent's.
 TIP = 0.6
+#: Coefficients of expression that an armature has; an avatar may take fewer.
+EXPRESSIONS = 10
 #: The shortest bone, metres: Blender drops those of no length.
 SHORTEST = 0.01
 
@@ -68,15 +70,16 @@ class ModuleSource:
         self.joints, self.rest = self.avatar.joints, numpy.asarray(self.avatar.rest_joints)
         self.parents = [int(parent) for parent in self.avatar.parents]
 
-    def surface(self, rotations, translation, resolution):
-        pose = self.module.Pose(rotations, translation)
+    def surface(self, rotations, translation, expression, resolution):
+        pose = self.module.Pose(rotations, translation, expression[: self.avatar.expression_coefficients])
         mesh = self.avatar.pose(pose, resolution=resolution)
         return Surface(mesh.vertices, mesh.faces, mesh.normals, mesh.colours)
 
     def motion(self, path):
-        """Rotations (T, J, 3), translations (T, 3), frames a second."""
+        """Rotations (T, J, 3), translations (T, 3), expressions (T, E), frames a second."""
         motion = self.module.read_motion(path, self.avatar)
-        return motion.rotations, motion.translations, motion.frames_per_second
+        expressions = [pose.expression for pose in motion]
+        return motion.rotations, motion.translations, expressions, motion.frames_per_second
 
 
 class ProgramSource:
@@ -85,7 +88,7 @@ class ProgramSource:
     def __init__(self, program, avatar, body):
         self.program, self.path, self.body = program, avatar, ["--body", body] if body else []
         subject = json.loads(self._run("info", avatar, "--json", "-"))["subject"]
-        skeleton = subject["skeleton"]
+        skeleton, self.expressions = subject["skeleton"], subject["expressions"]
         self.joints = skeleton["joints"]
         self.parents = [-1 if parent is None else parent for parent in skeleton["parents"]]
         self.rest = numpy.array(self._rest_joints(), dtype=float)
@@ -100,9 +103,10 @@ class ProgramSource:
             self.server.kill()
             self.server.wait()
 
-    def surface(self, rotations, translation, resolution):
+    def surface(self, rotations, translation, expression, resolution):
         turns = {joint: turn.tolist() for joint, turn in zip(self.joints, rotations)}
-        pose = {"rotations": turns, "translation": list(translation)}
+        expression = [float(value) for value in expression[: self.expressions]]
+        pose = {"rotations": turns, "translation": list(translation), "expression": expression}
         request = urllib.request.Request(
             self.address + "mesh",
             json.dumps({"pose": pose, "resolution": resolution}).encode(),
@@ -151,7 +155,7 @@ def surface_of_message(message):
 
 
 def motion_of_glb(document, binary, joints, root):
-    """The rotations (T, J, 3), translations (T, 3) and rate of a GLB's clip, whose joints' local rotations are those of the pose."""
+    """The motion in a GLB's clip, whose joints' local rotations are those of the pose; without expressions, which are morphs there."""
 
     def array(index):
         accessor = document["accessors"][index]
@@ -178,7 +182,7 @@ def motion_of_glb(document, binary, joints, root):
         own, places = tracks[joints[0], "translation"]
         translations = places[numpy.searchsorted(own, times).clip(0, len(own) - 1)] - root
     rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 30.0
-    return rotations, translations, float(rate)
+    return rotations, translations, [()] * len(times), float(rate)
 
 
 SOURCES = {}
@@ -262,23 +266,26 @@ def pose_of(armature, source):
     return rotations, numpy.array(root.matrix.translation) - source.rest[0]
 
 
-def set_pose(armature, source, rotations, translation):
-    """Turns the bones as a pose has it."""
+def set_pose(armature, source, rotations, translation, expression=()):
+    """Turns the bones as a pose has it, and sets the face."""
     for joint, turn in zip(source.joints, rotations):
         bone = armature.pose.bones[joint]
         axes = bone.bone.matrix_local.to_3x3()
-        angle = Vector(turn).length
-        rotation = Matrix.Rotation(angle, 3, Vector(turn)) if angle > 0 else Matrix.Identity(3)
-        bone.rotation_quaternion = (axes.inverted() @ rotation @ axes).to_quaternion()
+        # The turn's axis as the bone sees it.
+        bone.rotation_quaternion = Quaternion(axes.inverted() @ Vector(turn))
     root = armature.pose.bones[source.joints[0]]
     root.location = root.bone.matrix_local.to_3x3().inverted() @ Vector(translation)
+    values = numpy.zeros(EXPRESSIONS)
+    values[: len(expression)] = expression[:EXPRESSIONS]
+    armature.xavatar.expression = values.tolist()
 
 
 def key_pose(armature, source, frame):
-    """Keys every joint's rotation and the root's place."""
+    """Keys every joint's rotation, the root's place and the expression."""
     for joint in source.joints:
         armature.pose.bones[joint].keyframe_insert("rotation_quaternion", frame=frame)
     armature.pose.bones[source.joints[0]].keyframe_insert("location", frame=frame)
+    armature.keyframe_insert("xavatar.expression", frame=frame)
 
 
 # --- The mesh -----------------------------------------------------------------------------------------------------------------------
@@ -305,7 +312,8 @@ def fill(mesh, surface):
 def coloured_material():
     """A rough surface in the mesh's own colours."""
     material = bpy.data.materials.new("xavatar")
-    material.use_nodes = True
+    if not material.use_nodes:
+        material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
     surface = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
     surface.inputs["Roughness"].default_value = 1.0
@@ -322,10 +330,11 @@ def extract(armature):
     # What drivers and constraints make of the pose is only there once it is evaluated.
     evaluated = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
     rotations, translation = pose_of(evaluated, source)
-    seen = json.dumps([settings.resolution, rotations.round(6).tolist(), translation.round(6).tolist()])
+    expression = list(settings.expression)
+    seen = json.dumps([settings.resolution, rotations.round(6).tolist(), translation.round(6).tolist(), expression])
     if settings.mesh is None or settings.mesh.data.get("xavatar_pose") == seen:
         return
-    fill(settings.mesh.data, source.surface(rotations, translation, settings.resolution))
+    fill(settings.mesh.data, source.surface(rotations, translation, expression, settings.resolution))
     settings.mesh.data["xavatar_pose"] = seen
 
 
@@ -349,11 +358,11 @@ def add_avatar(avatar, body="", resolution=128):
 def add_motion(armature, path):
     """Keys a motion on an armature, from the scene's current frame on; sets the scene's rate and end. Returns its frames."""
     source, scene = source_of(armature), bpy.context.scene
-    rotations, translations, rate = source.motion(path)
+    rotations, translations, expressions, rate = source.motion(path)
     scene.render.fps, scene.render.fps_base = round(rate), round(rate) / rate
     first = scene.frame_current
-    for frame, (turns, translation) in enumerate(zip(rotations, translations)):
-        set_pose(armature, source, turns, translation)
+    for frame, pose in enumerate(zip(rotations, translations, expressions)):
+        set_pose(armature, source, *pose)
         key_pose(armature, source, first + frame)
     scene.frame_end = max(first + len(rotations) - 1, first)
     scene.frame_set(first)
@@ -378,6 +387,7 @@ class AvatarSettings(bpy.types.PropertyGroup):
     body: bpy.props.StringProperty(name="Body", subtype="FILE_PATH")
     resolution: bpy.props.IntProperty(name="Resolution", default=128, min=16, max=256, description="Cells along the longest side")
     follows: bpy.props.BoolProperty(name="Follow the frame", default=True, description="Extract the surface when the frame changes")
+    expression: bpy.props.FloatVectorProperty(name="Expression", size=EXPRESSIONS, soft_min=-3, soft_max=3)
     mesh: bpy.props.PointerProperty(type=bpy.types.Object)
 
 
@@ -462,6 +472,7 @@ class AvatarPanel(bpy.types.Panel):
             return
         self.layout.prop(armature.xavatar, "resolution")
         self.layout.prop(armature.xavatar, "follows")
+        self.layout.prop(armature.xavatar, "expression")
         self.layout.operator(ExtractSurface.bl_idname)
         self.layout.operator(ImportMotion.bl_idname)
 

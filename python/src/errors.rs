@@ -90,7 +90,7 @@ fn frame_of(error: &Error) -> Option<&str> {
 }
 
 /// What a caller in Python writes for a choice.
-fn argument(choice: Choice) -> String {
+pub fn argument(choice: Choice) -> String {
     match choice {
         Choice::SkipBadFrames => "train(..., skip_bad_frames=True)".into(),
         Choice::ContinueRun => "the same call of train() again".into(),

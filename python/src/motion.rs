@@ -6,12 +6,12 @@ use std::path::PathBuf;
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use xavatar::body::{BodyModel, Skeleton};
-use xavatar::data::{Coordinates, HandConvention, MotionOptions, PosedClip, RestPose, Translation, UpAxis};
+use xavatar::data::{Coordinates, HandConvention, MotionOptions, PosedClip, RestPose, Translation, UpAxis, Warning};
 use xavatar::synthetic::load_poses;
 
 use crate::avatar::Avatar;
 use crate::body::Body;
-use crate::errors::{Raise, refused};
+use crate::errors::{Raise, argument, refused};
 use crate::poses::python_pose;
 use crate::python_classes;
 
@@ -85,7 +85,11 @@ fn of_body(path: &std::path::Path, options: MotionOptions, body: &BodyModel) -> 
 }
 
 fn python_motion<'py>(py: Python<'py>, clip: &PosedClip) -> PyResult<Bound<'py, PyAny>> {
-    let warnings: Vec<String> = clip.warnings.iter().map(ToString::to_string).collect();
+    let described = |warning: &Warning| match warning.choice {
+        Some(choice) => format!("{warning} ({})", argument(choice)),
+        None => warning.to_string(),
+    };
+    let warnings: Vec<String> = clip.warnings.iter().map(described).collect();
     for warning in &warnings {
         let message = std::ffi::CString::new(warning.replace('\0', " "))?;
         PyErr::warn(py, &py.get_type::<PyUserWarning>(), &message, 1)?;
