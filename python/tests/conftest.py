@@ -5,7 +5,7 @@ import pytest
 import xavatar
 
 #: Far too little for a good avatar, and enough for a surface.
-SETTINGS = {"schedule.pretraining_steps": 40, "schedule.checkpoint_steps": 10, "sampling.points": 600}
+SETTINGS = {"schedule.pretraining_steps": 20, "schedule.checkpoint_steps": 10, "sampling.points": 600}
 
 
 @pytest.fixture(scope="session")
