@@ -32,7 +32,7 @@ bl_info = {
     "description": "Animatable neural avatars: their armature, and their own surface in every frame",
     "author": "The xavatar developers",
     "version": (0, 1, 0),
-    "blender": (4, 0, 0),
+    "blender": (4, 1, 0),
     "location": "File > Import, and the 3D view's sidebar",
     "category": "Import-Export",
 }
@@ -105,8 +105,8 @@ class ProgramSource:
 
     def surface(self, rotations, translation, expression, resolution):
         turns = {joint: turn.tolist() for joint, turn in zip(self.joints, rotations)}
-        expression = [float(value) for value in expression[: self.expressions]]
-        pose = {"rotations": turns, "translation": list(translation), "expression": expression}
+        translation, expression = ([float(value) for value in row] for row in (translation, expression[: self.expressions]))
+        pose = {"rotations": turns, "translation": translation, "expression": expression}
         request = urllib.request.Request(
             self.address + "mesh",
             json.dumps({"pose": pose, "resolution": resolution}).encode(),

@@ -90,6 +90,21 @@ def test_hands_are_relaxed_as_in_smplx_unless_they_are_flat(data, body):
     assert numpy.allclose(pca(left_hand_pose=weights).full_pose[:, 75:120], weights @ components[0][:2])
 
 
+def test_more_coefficients_are_all_of_the_file(data, tmp_path):
+    arrays = dict(numpy.load(data / "body" / "SMPLX_NEUTRAL.npz", allow_pickle=True))
+    directions = arrays["shapedirs"]
+    wide = numpy.zeros((*directions.shape[:2], 400), directions.dtype)
+    wide[:, :, :10], wide[:, :, 11], wide[:, :, 300:310] = directions[:, :, :10], 0.5, directions[:, :, 10:]
+    numpy.savez(tmp_path / "SMPLX_NEUTRAL.npz", **{**arrays, "shapedirs": wide})
+    betas = numpy.zeros((1, 12), numpy.float32)
+    betas[0, 11] = 1
+    layer = smplx.create(tmp_path, num_betas=12)
+    assert layer.body.shape_coefficients == 300 and layer.body.expression_coefficients == 100
+    assert numpy.allclose(layer(betas=betas).vertices - layer().vertices, 0.5, atol=1e-5)
+    with pytest.raises(xavatar.ArgumentError, match=r"betas is of shape \(1, 12\)"):
+        smplx.create(tmp_path)(betas=betas)
+
+
 def test_hands_of_another_body_are_refused(tmp_path):
     with pytest.raises(xavatar.MissingError, match="SMPLX_MALE"):
         xavatar.Body.load(tmp_path, "male")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy
@@ -172,15 +173,17 @@ def create(
     num_pca_comps: int = 6,
     flat_hand_mean: bool = False,
     batch_size: int = 1,
+    num_betas: int = 10,
+    num_expression_coeffs: int = 10,
     **_: Any,
 ) -> BodyLayer:
     """A body as ``smplx.create`` makes it, with its defaults; ``model_path`` is a file, a folder of models, or the folder above such.
 
-    Options of smplx that ask for what there is not, such as default parameters, are taken and have no effect.
+    More than ten coefficients of either kind take all that the file has; those that are left out of a row are zero. Options of smplx that
+    ask for what there is not, such as default parameters, are taken and have no effect.
     """
-    from pathlib import Path
-
     folder = Path(model_path) / model_type
-    body = Body.load(folder if folder.is_dir() else model_path, gender)
+    takes_all = max(num_betas, num_expression_coeffs) > 10
+    body = Body.load(folder if folder.is_dir() else model_path, gender, all_coefficients=takes_all)
     has_hands = len(body.hand_means) > 0
     return BodyLayer(body, use_pca and has_hands, num_pca_comps, flat_hand_mean or not has_hands, batch_size)
