@@ -1,34 +1,36 @@
 #!/usr/bin/env python3
 """Bodies a second of PyPI smplx (torch, CPU) beside ours, in turn, on one SMPL-X model.
 
-    pip install torch smplx
-    python scripts/bodies_per_second.py BODY.npz [FRAMES]
+    pip install . torch smplx
+    python scripts/bodies_per_second.py [BODY.npz] [FRAMES]
 
-The gradient is of the sum of squares of vertices and joints, with respect to all parameters. Runs `cargo bench --bench bodies`.
+The gradient is of the sum of squares of vertices and joints, with respect to all parameters. Without a model, the built-in one. Ours
+alone, without Python: `cargo bench --bench bodies`.
 """
-import re
-import subprocess
+import pathlib
 import sys
+import tempfile
 import time
 
+import numpy
 import smplx
 import torch
+import xavatar
 
-model_path, frames = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 64
 ROUNDS = 5
+#: What smplx insists on and poses nothing by.
+LANDMARKS = {
+    "lmk_faces_idx": numpy.zeros(51, numpy.int64),
+    "lmk_bary_coords": numpy.full((51, 3), 1 / 3),
+    "dynamic_lmk_faces_idx": numpy.zeros((79, 17), numpy.int64),
+    "dynamic_lmk_bary_coords": numpy.full((79, 17, 3), 1 / 3),
+}
 
 
-def ours():
+def theirs(model_path, turns):
     """Forward, and with gradients."""
-    command = ["cargo", "bench", "--bench", "bodies", "--", model_path, str(frames)]
-    printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    return [float(rate) for rate in re.search(r"forward ([\d.]+) .* gradients ([\d.]+)", printed).groups()]
-
-
-def theirs():
-    """Forward, and with gradients."""
+    frames = len(turns)
     layer = smplx.SMPLXLayer(model_path=model_path, num_betas=10, num_expression_coeffs=10, flat_hand_mean=True)
-    turns = 0.3 * torch.randn(frames, 55, 3)
     theta = turns.norm(dim=-1, keepdim=True)
     x, y, z = (turns / theta).unbind(-1)
     zero = torch.zeros_like(x)
@@ -38,22 +40,62 @@ def theirs():
                  reye_pose=slice(24, 25), left_hand_pose=slice(25, 40), right_hand_pose=slice(40, 55))
     given = {name: rotations[:, part].clone() for name, part in parts.items()}
     given.update(betas=torch.full((frames, 10), .5), expression=torch.full((frames, 10), .2), transl=torch.zeros(frames, 3))
-    best = [float("inf")] * 2
-    for _ in range(ROUNDS):
-        start = time.perf_counter()
+
+    def forward():
         with torch.no_grad():
             layer(**given)
-        best[0] = min(best[0], time.perf_counter() - start)
+
+    def both():
         leaves = {name: value.clone().requires_grad_() for name, value in given.items()}
-        start = time.perf_counter()
         posed = layer(**leaves)
         (posed.vertices.square().sum() + posed.joints[:, :55].square().sum()).backward()
-        best[1] = min(best[1], time.perf_counter() - start)
-    return [frames / seconds for seconds in best]
+
+    return forward, both
 
 
-rates = {"smplx": theirs(), "xavatar": ours(), "smplx again": theirs()}
-for name, (forward, gradient) in rates.items():
+def ours(body, turns):
+    """Forward, and with gradients."""
+    rotations = turns.numpy()
+    coefficients = numpy.tile(numpy.repeat(numpy.float32([.5, .2]), 10), (len(turns), 1))
+
+    def forward():
+        body.forward(rotations, coefficients)
+
+    def both():
+        posed = body.forward(rotations, coefficients)
+        posed.pullback(2 * posed.vertices, 2 * posed.joints)
+
+    return forward, both
+
+
+def rates(work, frames):
+    """Bodies a second of each; the best of some rounds."""
+    best = []
+    for one in work:
+        one()
+        times = []
+        for _ in range(ROUNDS):
+            start = time.perf_counter()
+            one()
+            times.append(time.perf_counter() - start)
+        best.append(frames / min(times))
+    return best
+
+
+given = sys.argv[1] if len(sys.argv) > 1 else None
+frames = int(sys.argv[2]) if len(sys.argv) > 2 else 64
+with tempfile.TemporaryDirectory() as folder:
+    if given is None:
+        xavatar.write_built_in_subject(folder, 1, 1)
+        given = pathlib.Path(folder, "body", "SMPLX_NEUTRAL.npz")
+    path = pathlib.Path(folder, "SMPLX_NEUTRAL.npz")
+    numpy.savez(path, **{**LANDMARKS, **numpy.load(given, allow_pickle=True)})
+    turns = 0.3 * torch.randn(frames, 55, 3)
+    work = {"smplx": theirs(str(path), turns), "xavatar": ours(xavatar.Body.load(path), turns)}
+    work["smplx again"] = work["smplx"]
+    found = {name: rates(pair, frames) for name, pair in work.items()}
+print(f"batches of {frames}, {torch.get_num_threads()} threads of torch {torch.__version__}")
+for name, (forward, gradient) in found.items():
     print(f"{name:12} forward {forward:9.1f} bodies/s   with gradients {gradient:9.1f} bodies/s")
 print("ratio        forward %.1f   with gradients %.1f" % tuple(
-    rates["xavatar"][k] / max(rates["smplx"][k], rates["smplx again"][k]) for k in (0, 1)))
+    found["xavatar"][k] / max(found["smplx"][k], found["smplx again"][k]) for k in (0, 1)))

@@ -153,6 +153,23 @@ impl Skeleton {
         bowed
     }
 
+    /// The pose at rest but for joints of these names, turned by an axis times an angle, radians.
+    ///
+    /// # Errors
+    /// [`Error::Value`] naming a joint that is not here.
+    pub fn turned<'a>(&self, turns: impl IntoIterator<Item = (&'a str, Vec3)>) -> Result<Pose> {
+        let mut pose = self.rest_pose();
+        for (name, turn) in turns {
+            let joint = self.joint(name).ok_or_else(|| Error::Value {
+                name: "a joint of the pose".into(),
+                found: name.into(),
+                expected: format!("one of {}", self.joints.join(", ")),
+            })?;
+            pose.rotations[joint] = PoseAxisAngle(turn);
+        }
+        Ok(pose)
+    }
+
     /// The canonical pose of a shape, without expression.
     pub fn canonical_pose(&self, shape: &[f32]) -> Pose {
         Pose { rotations: self.canonical.clone(), shape: shape.to_vec(), ..Pose::default() }

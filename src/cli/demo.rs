@@ -5,11 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail};
 use xavatar::avatar::{Animator, Avatar};
-use xavatar::body::Gender;
 use xavatar::config::Config;
-use xavatar::data::{ScanFrame, Source, write_subject};
+use xavatar::data::{ScanFrame, Source};
 use xavatar::evaluate::{Evaluation, SmplxD};
-use xavatar::formats::{write_npz, write_pickle};
 use xavatar::mesh::{TriangleMesh, write_ply};
 use xavatar::render::write_png;
 use xavatar::report::{Fact, REPORT_FILE, Report, machine};
@@ -241,20 +239,8 @@ impl Demo {
 /// Writes the subject so that the other verbs can be tried on it.
 fn write_data(folder: &Path, size: &Size) -> anyhow::Result<Outcome> {
     outputs::new_folder(folder, "give a new one")?;
-    let body = folder.join("body");
-    outputs::existing_folder(&body)?;
-    let subject = BuiltInSubject::new()?;
-    let takes = [(Split::Train, size.training_frames), (Split::Test, size.unseen_frames)];
-    let frames = takes
-        .into_iter()
-        .flat_map(|(split, count)| (0..count).map(move |index| (split, index, count)))
-        .map(|(split, index, count)| subject.frame(split, index, count));
-    write_subject(folder, Gender::Neutral, subject.betas(), frames)?;
-    write_npz(body.join("SMPLX_NEUTRAL.npz"), subject.model_arrays())?;
-    write_pickle(
-        body.join("neutral_vertex_labels.pkl"),
-        &subject.part_labels().to_vertex_labels(subject.model().skeleton()),
-    )?;
+    BuiltInSubject::new()?.write_data(folder, size.training_frames, size.unseen_frames)?;
+    let body = folder.join(BuiltInSubject::BODY_FOLDER);
     let (data, body) = (folder.display(), body.display());
     outputs::print(&format!("{data}\n"))?;
     log::info!(

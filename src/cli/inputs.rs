@@ -99,12 +99,7 @@ pub fn body_of(avatar: &Avatar, path: Option<&Path>) -> anyhow::Result<(BodyMode
 
 /// The built-in subject's body, if the avatar has its skeleton.
 pub fn built_in_body(avatar: &Avatar) -> anyhow::Result<Option<(BodyModel, PartLabels)>> {
-    /// Joints closer than this are the same, metres.
-    const SAME_JOINT: f32 = 1e-4;
     let subject = BuiltInSubject::new()?;
-    let Ok(model) = subject.model().in_canonical_pose_of(&avatar.subject.skeleton) else { return Ok(None) };
-    let joints = model.canonical_joints(&avatar.subject.betas)?;
-    let is_same = joints.len() == avatar.subject.joints.len()
-        && joints.iter().zip(&avatar.subject.joints).all(|(joint, own)| joint.distance(*own) < SAME_JOINT);
-    Ok(is_same.then(|| (model, subject.part_labels().clone())))
+    let is_its = avatar.subject.is_on(subject.model())?;
+    Ok(is_its.then(|| (subject.model().clone(), subject.part_labels().clone())))
 }

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::site::LARGEST_RESOLUTION;
 use crate::avatar::Subject;
-use crate::body::{Pose, PoseAxisAngle};
+use crate::body::Pose;
 use crate::{Error, InputError, Result};
 
 /// Least cells along the longest side.
@@ -61,15 +61,8 @@ impl PoseRequest {
     /// [`InputError::Value`] naming a joint that the body does not have, or that there are too many coefficients.
     pub(super) fn pose(&self, subject: &Subject) -> Result<Pose> {
         let NamedPose { rotations, expression, translation } = &self.pose;
-        let mut pose = subject.skeleton.rest_pose();
-        for (name, turn) in rotations {
-            let joint = subject.skeleton.joint(name).ok_or_else(|| InputError::Value {
-                name: "a joint of the pose".into(),
-                found: name.clone(),
-                expected: format!("one of {}", subject.skeleton.joints.join(", ")),
-            })?;
-            pose.rotations[joint] = PoseAxisAngle(Vec3::from(*turn));
-        }
+        let turns = rotations.iter().map(|(name, turn)| (name.as_str(), Vec3::from(*turn)));
+        let pose = subject.skeleton.turned(turns)?;
         if expression.len() > subject.expressions {
             return Err(Error::from(InputError::Value {
                 name: "number of expression coefficients".into(),
@@ -109,7 +102,7 @@ fn within<'a>(name: &str, mut values: impl Iterator<Item = &'a f32>, limit: f32)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::{Gender, smplx};
+    use crate::body::{Gender, PoseAxisAngle, smplx};
 
     fn subject() -> Subject {
         let skeleton = smplx::skeleton().clone();

@@ -39,9 +39,9 @@ pub struct PoseBatch<T> {
 /// The bodies of B frames.
 #[derive(Clone, Debug)]
 pub struct PosedBatch<T> {
-    /// Vertices (B, V), metres.
+    /// Vertices (B, V), metres. May be taken out: nothing here reads them.
     pub vertices: Vec<[T; 3]>,
-    /// Joints (B, J), metres.
+    /// Joints (B, J), metres. May be taken out as well.
     pub joints: Vec<[T; 3]>,
     /// The vertices before they are skinned (B, V).
     rest_vertices: Vec<[T; 3]>,
@@ -151,8 +151,8 @@ impl<T: Scalar> PosedBatch<T> {
         joints: &[[T; 3]],
     ) -> Result<Vec<FrameCotangents<T>>> {
         batch.check(model)?;
-        require_length("cotangents of vertices", vertices.len(), self.vertices.len())?;
-        require_length("cotangents of joints", joints.len(), self.joints.len())?;
+        require_length("cotangents of vertices", vertices.len(), self.rest_vertices.len())?;
+        require_length("cotangents of joints", joints.len(), batch.rotations.len())?;
         let surface = Surface::new(model, batch);
         let (bones, drives) = surface.pullback(&self.chains, &self.rest_vertices, vertices);
         let frames = batch.frames();

@@ -4,6 +4,7 @@
 //! skin + clothes + colours -> scans. No file is read and nothing is random. Metres, radians, Y up, facing +Z.
 
 mod clothing;
+mod data_set;
 mod directions;
 mod filmed;
 mod flesh;
