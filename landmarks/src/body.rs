@@ -33,7 +33,7 @@ const PERSON: f32 = 0.5;
 /// Points that are less surely seen say nothing.
 const SEEN: f64 = 0.2;
 /// Rays that pass farther from a joint than this see another place, metres.
-const REACH: f64 = 0.08;
+pub const REACH: f64 = 0.08;
 /// A picture of whose points less are where the others see them is not used.
 const AGREEING: f64 = 0.5;
 
@@ -47,6 +47,10 @@ pub mod point {
     pub const RIGHT_ELBOW: usize = 14;
     pub const LEFT_WRIST: usize = 15;
     pub const RIGHT_WRIST: usize = 16;
+    pub const LEFT_PINKY: usize = 17;
+    pub const RIGHT_PINKY: usize = 18;
+    pub const LEFT_INDEX: usize = 19;
+    pub const RIGHT_INDEX: usize = 20;
     pub const LEFT_HIP: usize = 23;
     pub const RIGHT_HIP: usize = 24;
     pub const LEFT_KNEE: usize = 25;
@@ -107,16 +111,13 @@ fn upright(scan: &TriangleMesh, direction: Vec3, hips: Vec3, torso: Vec3) -> Pin
     square(hips, direction, torso, 2.0 * radius)
 }
 
-pub fn env(name: &str, default: f32) -> f32 { std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default) }
 fn square(middle: Vec3, towards_camera: Vec3, up: Vec3, extent: f32) -> PinholeCamera {
-    Square { middle, towards_camera, up, distance: DISTANCE, side: env("MARGIN", 1.25) * extent, pixels: 256 }.camera()
+    Square { middle, towards_camera, up, distance: DISTANCE, side: MARGIN * extent, pixels: 256 }.camera()
 }
 
 fn sights(network: &Network, scene: &Scene<'_>, cameras: &[PinholeCamera]) -> Result<Vec<Sight>> {
     let sight = |workspace: &mut Workspace, camera: &PinholeCamera| -> Result<Option<Sight>> {
-        let picture = taken(scene, camera)?;
-        if let Ok(folder) = std::env::var("DUMP") { let image = image::RgbImage::from_raw(camera.width, camera.height, picture.iter().map(|v| (v * 255.0) as u8).collect()).unwrap(); image.save(format!("{folder}/{}_{:.2}_{:.2}.png", cameras.len(), camera.position().x, camera.position().z)).unwrap(); }
-        let outputs = network.run(&picture, workspace);
+        let outputs = network.run(&taken(scene, camera)?, workspace);
         let [points, person] = outputs.as_slice() else { return Ok(None) };
         if person[0] < PERSON {
             return Ok(None);
@@ -140,7 +141,7 @@ fn met(sights: &[Sight]) -> Vec<Option<Meeting>> {
     let of = |sights: &[&Sight]| -> Vec<Option<Meeting>> {
         let point = |point: usize| {
             let rays: Vec<Ray> = sights.iter().filter_map(|sight| sight.rays[point]).collect();
-            meeting(&rays, f64::from(env("REACH", 0.08)))
+            meeting(&rays, REACH)
         };
         (0..POINTS).into_par_iter().map(point).collect()
     };

@@ -6,7 +6,7 @@ use xavatar_mesh::TriangleMesh;
 use xavatar_render::Scene;
 
 use crate::body::{self, place, point};
-use crate::hands::{self, Hand, Side};
+use crate::hands::{self, Side, Whereabouts};
 use crate::models::Models;
 use crate::rays::Meeting;
 
@@ -19,15 +19,6 @@ pub struct Landmark {
     pub place: DVec3,
     /// 0 to 1.
     pub confidence: f64,
-}
-
-/// What was found in a scan.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Found {
-    /// Landmarks that pictures agree on.
-    pub landmarks: Vec<Landmark>,
-    /// Share of the pictures around the left and the right hand that see it; none where no wrist was found.
-    pub hand_votes: [Option<f64>; 2],
 }
 
 /// Joints and the points that they are.
@@ -49,48 +40,85 @@ const JOINTS: [(&str, usize); 14] = [
 ];
 /// Fingers as the network counts them.
 const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "pinky"];
-/// A hand that fewer of the pictures see is not there.
-const VOTES: f64 = 0.5;
+/// From the wrist to the middle of the hand, metres.
+const TO_MIDDLE: f64 = 0.09;
+/// How much the forearm says of where fingers point, of what the knuckles say.
+const OF_FOREARM: f64 = 0.5;
+/// Landmarks that are less sure are left out.
+const SURE: f64 = 0.05;
 
-/// Finds the landmarks of a person; metres, Y up.
+/// An arm: its side, the name of that, and its points.
+struct Arm {
+    side: Side,
+    name: &'static str,
+    elbow: usize,
+    wrist: usize,
+    knuckles: [usize; 2],
+}
+
+const ARMS: [Arm; 2] = [
+    Arm {
+        side: Side::Left,
+        name: "left",
+        elbow: point::LEFT_ELBOW,
+        wrist: point::LEFT_WRIST,
+        knuckles: [point::LEFT_PINKY, point::LEFT_INDEX],
+    },
+    Arm {
+        side: Side::Right,
+        name: "right",
+        elbow: point::RIGHT_ELBOW,
+        wrist: point::RIGHT_WRIST,
+        knuckles: [point::RIGHT_PINKY, point::RIGHT_INDEX],
+    },
+];
+
+/// Finds the landmarks of a person in a scan in metres, Y up: those that pictures agree on. A hand that is not there has none, and no
+/// wrist: where arms end without one, wrists are seen anywhere.
 ///
 /// # Errors
 /// Those of a mesh that cannot be rendered.
-pub fn find(models: &Models, scan: &TriangleMesh) -> Result<Found> {
-    let scene = Scene::new(scan)?;
-    let points = body::find(models, scan, &scene)?;
-    let mut landmarks: Vec<Landmark> = Vec::new();
-    let mut hand_votes = [None; 2];
-    let arms = [
-        (Side::Left, "left", point::LEFT_ELBOW, point::LEFT_WRIST),
-        (Side::Right, "right", point::RIGHT_ELBOW, point::RIGHT_WRIST),
-    ];
-    let mut unseen = Vec::new();
-    for (index, (side, name, elbow, wrist)) in arms.into_iter().enumerate() {
-        let (Some(elbow), Some(wrist_place)) = (place(&points, elbow), place(&points, wrist)) else { continue };
-        let hand = hands::find(models, scan, side, elbow, wrist_place)?;
-        hand_votes[index] = Some(hand.votes);
-        if hand.votes > VOTES {
-            landmarks.extend(of_hand(name, &hand));
-        }
-        unseen.push(wrist);
+pub fn find(models: &Models, scan: &TriangleMesh) -> Result<Vec<Landmark>> {
+    let points = body::find(models, scan, &Scene::new(scan)?)?;
+    let wrists = ARMS.map(|arm| arm.wrist);
+    let joints = JOINTS.iter().filter(|(_, point)| !wrists.contains(point));
+    let mut landmarks: Vec<Landmark> =
+        joints.filter_map(|(name, point)| landmark(name, points[*point]?, body::REACH)).collect();
+    for arm in &ARMS {
+        let Some(whereabouts) = whereabouts(arm, &points) else { continue };
+        let hand = hands::find(models, scan, arm.side, whereabouts)?;
+        landmarks.extend(hand.into_iter().flat_map(|points| of_hand(arm.name, &points)));
     }
-    let joints = JOINTS.iter().filter(|(_, point)| !unseen.contains(point));
-    landmarks.extend(joints.filter_map(|(name, point)| landmark(name, points[*point]?, 0.08)));
-    Ok(Found { landmarks, hand_votes })
+    Ok(landmarks)
 }
 
-fn of_hand(side: &str, hand: &Hand) -> Vec<Landmark> {
+/// Where an arm's hand may be, if its elbow and its wrist were seen.
+fn whereabouts(arm: &Arm, points: &[Option<Meeting>]) -> Option<Whereabouts> {
+    let at = |point: usize| place(points, point);
+    let (elbow, wrist) = (at(arm.elbow)?, at(arm.wrist)?);
+    let forearm = (wrist - elbow).try_normalize()?;
+    let outward = match arm.knuckles.map(at) {
+        [Some(pinky), Some(index)] => {
+            let knuckles = ((pinky + index) / 2.0 - wrist).normalize_or(forearm);
+            (knuckles + forearm * OF_FOREARM).normalize_or(forearm)
+        }
+        _ => forearm,
+    };
+    Some(Whereabouts { middle: wrist + outward * TO_MIDDLE, outward })
+}
+
+fn of_hand(side: &str, points: &[Option<Meeting>]) -> Vec<Landmark> {
     let name = |point: usize| match point.checked_sub(1).map(|place| (FINGERS[place / 4], place % 4)) {
         None => format!("{side}_wrist"),
         Some((finger, 3)) => format!("{side}_{finger}"),
         Some((finger, joint)) => format!("{side}_{finger}{}", joint + 1),
     };
-    (0..hands::POINTS).filter_map(|point| landmark(&name(point), hand.points[point]?, 0.025)).collect()
+    let point = |(point, met): (usize, &Option<Meeting>)| landmark(&name(point), (*met)?, hands::REACH);
+    points.iter().enumerate().filter_map(point).collect()
 }
 
 /// Surer the closer the pictures' rays pass to each other, and the more of them do.
 fn landmark(name: &str, met: Meeting, reach: f64) -> Option<Landmark> {
     let confidence = met.share * (1.0 - met.error / reach).clamp(0.0, 1.0);
-    (confidence > 0.05).then(|| Landmark { name: name.into(), place: met.place, confidence })
+    (confidence > SURE).then(|| Landmark { name: name.into(), place: met.place, confidence })
 }

@@ -80,3 +80,29 @@ fn network(package: &mut FileTree, names: &[&str], wanted: &[usize], shapes: &[[
     }
     Ok(network)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OTHER: &[u8] = include_bytes!("../tests/fixtures/small.tflite");
+
+    #[test]
+    fn a_package_without_networks_is_told_which_version_has_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let message = Models::open(folder.path()).err().unwrap().to_string();
+        assert!(message.contains("pose_landmark_full.tflite") && message.contains("mediapipe==0.10.14"), "{message}");
+    }
+
+    #[test]
+    fn another_network_or_none_under_the_name_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("pose_landmark_full.tflite");
+        std::fs::write(&file, OTHER).unwrap();
+        let error = Models::open(folder.path()).err().unwrap();
+        assert!(matches!(&error, Error::Mismatch { found, .. } if found.contains("[1, 1, 48]")), "{error}");
+        std::fs::write(&file, b"version https://git-lfs.github.com/spec/v1").unwrap();
+        let error = Models::open(folder.path()).err().unwrap();
+        assert!(matches!(error, Error::Malformed { format: "network", .. }), "{error}");
+    }
+}

@@ -29,7 +29,8 @@ impl Square {
     /// The camera that takes it.
     pub fn camera(&self) -> PinholeCamera {
         let forward = -self.towards_camera;
-        let down = -(self.up - forward * self.up.dot(forward)).try_normalize().unwrap_or(forward.any_orthonormal_vector());
+        let down =
+            -(self.up - forward * self.up.dot(forward)).try_normalize().unwrap_or(forward.any_orthonormal_vector());
         let rotation = Mat3::from_cols(down.cross(forward), down, forward).transpose();
         let focal = self.pixels as f32 * self.distance / self.side;
         let centre = self.pixels as f32 / 2.0;

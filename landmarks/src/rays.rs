@@ -42,7 +42,8 @@ impl Ray {
 
 /// Where most of some rays meet, within `reach` metres; none if no two do.
 pub fn meeting(rays: &[Ray], reach: f64) -> Option<Meeting> {
-    let pairs = rays.iter().enumerate().flat_map(|(index, one)| rays[index + 1..].iter().map(move |other| (one, other)));
+    let pairs =
+        rays.iter().enumerate().flat_map(|(index, one)| rays[index + 1..].iter().map(move |other| (one, other)));
     let proposals = pairs.filter_map(|(one, other)| between(one, other));
     let score = |place: &DVec3| -> f64 {
         rays.iter().map(|ray| ray.weight * (1.0 - (ray.distance(*place) / reach).powi(2)).max(0.0)).sum()
@@ -113,13 +114,13 @@ mod tests {
         assert!((met.share - 1.0).abs() < 1e-12);
     }
 
-    // Five of twelve go through one wrong point, as when a picture takes the left wrist for the right one.
+    // Four of twelve go through one wrong point, as when a picture takes the left wrist for the right one.
     #[test]
     fn a_minority_that_agrees_on_another_point_does_not_count() {
         let (point, wrong) = (DVec3::new(0.2, 1.1, -0.3), DVec3::new(-0.2, 1.0, 0.1));
-        let met = meeting(&ring(|index| if index % 5 < 2 { wrong } else { point }), 0.05).unwrap();
+        let met = meeting(&ring(|index| if index < 10 && index % 5 < 2 { wrong } else { point }), 0.05).unwrap();
         assert!(met.place.distance(point) < 5e-3, "{met:?}");
-        assert!((met.share - 7.0 / 12.0).abs() < 0.01);
+        assert!((met.share - 8.0 / 12.0).abs() < 0.01);
     }
 
     #[test]

@@ -54,12 +54,14 @@ impl<'a> Graph<'a> {
         let tensors = graph.tables(0)?;
         let tensors = tensors.iter().map(|tensor| tensor_of(tensor, &buffers)).collect::<Result<Vec<_>, Fault>>()?;
         let nodes = graph.tables(3)?;
-        let nodes: Vec<Node> = nodes
-            .iter()
-            .map(|node| node_of(node, &codes, tensors.len()))
-            .collect::<Result<_, Fault>>()?;
+        let nodes: Vec<Node> =
+            nodes.iter().map(|node| node_of(node, &codes, tensors.len())).collect::<Result<_, Fault>>()?;
         let places = |field: usize| -> Result<Vec<usize>, Fault> {
-            graph.numbers(field, tensors.len())?.into_iter().map(|index| place(index, tensors.len(), "tensors")).collect()
+            graph
+                .numbers(field, tensors.len())?
+                .into_iter()
+                .map(|index| place(index, tensors.len(), "tensors"))
+                .collect()
         };
         Ok(Self { inputs: places(1)?, outputs: places(2)?, nodes, tensors })
     }
@@ -71,7 +73,8 @@ fn code_of(code: &Table) -> Result<i32, Fault> {
 }
 
 fn tensor_of<'a>(tensor: &Table<'a>, buffers: &[Table<'a>]) -> Result<Tensor<'a>, Fault> {
-    let extent = |extent: i32| usize::try_from(extent).map_err(|_| Fault::malformed("a tensor's shape", extent, "0 or more"));
+    let extent =
+        |extent: i32| usize::try_from(extent).map_err(|_| Fault::malformed("a tensor's shape", extent, "0 or more"));
     let shape = tensor.numbers(0, MOST)?.into_iter().map(extent).collect::<Result<_, Fault>>()?;
     let kind = match tensor.byte(1)? {
         0 => Kind::F32,

@@ -87,7 +87,8 @@ impl<'a> Table<'a> {
     /// A vector of tables.
     pub fn tables(&self, index: usize) -> Result<Vec<Self>, Fault> {
         let vector = self.vector(index, 4)?;
-        let table = |item: usize| Ok(Self { bytes: vector.bytes, at: followed(vector.bytes, vector.first + 4 * item)? });
+        let table =
+            |item: usize| Ok(Self { bytes: vector.bytes, at: followed(vector.bytes, vector.first + 4 * item)? });
         (0..vector.length).map(table).collect()
     }
 }

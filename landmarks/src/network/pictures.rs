@@ -14,7 +14,8 @@ pub(super) struct Padding {
 impl Padding {
     /// As a file says it: before and after, of each of four axes.
     pub fn new(amounts: &[i32], input: Shape) -> Result<(Self, Shape), Fault> {
-        let bad = || Fault::malformed("a padding", format_args!("{amounts:?}"), "0 or more before and after each of 4 axes");
+        let bad =
+            || Fault::malformed("a padding", format_args!("{amounts:?}"), "0 or more before and after each of 4 axes");
         let amounts: Vec<usize> =
             amounts.iter().map(|amount| usize::try_from(*amount)).collect::<Result<_, _>>().map_err(|_| bad())?;
         let [0, 0, above, below, left, right, front, back] = amounts[..] else { return Err(bad()) };
@@ -91,7 +92,10 @@ impl Resize {
     /// From a shape to another.
     pub fn new(corners: Corners, [rows, columns]: [usize; 2], input: Shape) -> Result<(Self, Shape), Fault> {
         let shape = Shape::new(rows, columns, input.channels)?;
-        Ok((Self { rows: neighbours(input.rows, rows, corners), columns: neighbours(input.columns, columns, corners) }, shape))
+        Ok((
+            Self { rows: neighbours(input.rows, rows, corners), columns: neighbours(input.columns, columns, corners) },
+            shape,
+        ))
     }
 
     /// Computes `output` of `input`.

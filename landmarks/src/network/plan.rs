@@ -62,7 +62,8 @@ pub(super) fn steps(
     outputs: &[usize],
     file_bytes: usize,
 ) -> Result<(Vec<Step>, Vec<Option<Shape>>), Fault> {
-    let mut planner = Planner { graph, shapes: vec![None; graph.tensors.len()], constants: file_bytes, work: MOST_WORK };
+    let mut planner =
+        Planner { graph, shapes: vec![None; graph.tensors.len()], constants: file_bytes, work: MOST_WORK };
     planner.shapes[input] = Some(Shape::of(&graph.tensors[input].shape)?);
     let (mut steps, mut room) = (Vec::new(), MOST_ROOM);
     for node in needed(graph, outputs) {
@@ -81,7 +82,11 @@ pub(super) fn steps(
         steps.push(Step { operator, inputs, output: node.output, last_use_of: Vec::new() });
     }
     if let Some(output) = outputs.iter().find(|output| planner.shapes[**output].is_none()) {
-        return Err(Fault::malformed(format_args!("tensor {output}"), "an output that nothing makes", "an operator for it"));
+        return Err(Fault::malformed(
+            format_args!("tensor {output}"),
+            "an output that nothing makes",
+            "an operator for it",
+        ));
     }
     let mut is_needed = vec![false; graph.tensors.len()];
     outputs.iter().for_each(|output| is_needed[*output] = true);
@@ -157,7 +162,11 @@ impl Planner<'_, '_> {
                 let whole = Shape::new(1, 1, input_count)?;
                 if count == 0 || count * input_count != weights.len() {
                     let found = format_args!("{} numbers", weights.len()).to_string();
-                    return Err(Fault::malformed("a layer's weights", found, format_args!("some for each of {input_count}")));
+                    return Err(Fault::malformed(
+                        "a layer's weights",
+                        found,
+                        format_args!("some for each of {input_count}"),
+                    ));
                 }
                 let kernel = Kernel {
                     weights,
@@ -183,7 +192,11 @@ impl Planner<'_, '_> {
             code::MEAN => {
                 let axes = self.integers(node, 1)?;
                 if axes != [1, 2] {
-                    return Err(Fault::malformed("a mean", format_args!("over axes {axes:?}"), "over rows and columns"));
+                    return Err(Fault::malformed(
+                        "a mean",
+                        format_args!("over axes {axes:?}"),
+                        "over rows and columns",
+                    ));
                 }
                 one(Operator::Mean, Shape::new(1, 1, shape.channels)?)
             }
@@ -226,14 +239,22 @@ impl Planner<'_, '_> {
 
     fn spend(&mut self, places: usize, each: usize) -> Result<(), Fault> {
         let left = places.checked_mul(each).and_then(|work| self.work.checked_sub(work));
-        self.work = left.ok_or_else(|| Fault::malformed("the network", "endless work", "what a landmark network takes"))?;
+        self.work =
+            left.ok_or_else(|| Fault::malformed("the network", "endless work", "what a landmark network takes"))?;
         Ok(())
     }
 
-    fn kernel(&mut self, node: &Node, strides: [usize; 2], options: Options, activation: usize) -> Result<Kernel, Fault> {
+    fn kernel(
+        &mut self,
+        node: &Node,
+        strides: [usize; 2],
+        options: Options,
+        activation: usize,
+    ) -> Result<Kernel, Fault> {
         let tensor = self.source(node.inputs.get(1).copied().flatten(), "weights")?;
         let extents = self.graph.tensors[tensor].shape.as_slice();
-        let extents = extents.try_into().map_err(|_| Fault::malformed("weights", format_args!("{extents:?}"), "4 axes"))?;
+        let extents =
+            extents.try_into().map_err(|_| Fault::malformed("weights", format_args!("{extents:?}"), "4 axes"))?;
         Ok(Kernel {
             weights: self.floats(tensor)?,
             extents,
@@ -257,7 +278,8 @@ impl Planner<'_, '_> {
 
     /// The constant that an operand is, seen through the operator that widens halves.
     fn source(&self, tensor: Option<usize>, what: &str) -> Result<usize, Fault> {
-        let tensor = tensor.ok_or_else(|| Fault::malformed("an operator", format_args!("without {what}"), "a constant"))?;
+        let tensor =
+            tensor.ok_or_else(|| Fault::malformed("an operator", format_args!("without {what}"), "a constant"))?;
         let widened = self.graph.nodes.iter().find(|node| node.output == tensor && node.code == code::DEQUANTIZE);
         Ok(widened.and_then(|node| node.inputs.first().copied().flatten()).unwrap_or(tensor))
     }
@@ -277,9 +299,14 @@ impl Planner<'_, '_> {
     fn floats(&mut self, tensor: usize) -> Result<Vec<f32>, Fault> {
         let found = &self.graph.tensors[tensor];
         let left = self.constants.checked_sub(found.bytes.len());
-        self.constants = left.ok_or_else(|| Fault::malformed("constants", "more than the file has", "bytes of their own"))?;
+        self.constants =
+            left.ok_or_else(|| Fault::malformed("constants", "more than the file has", "bytes of their own"))?;
         found.floats().ok_or_else(|| {
-            Fault::malformed(format_args!("tensor {tensor}"), format_args!("{:?} of {} bytes", found.kind, found.bytes.len()), "its numbers")
+            Fault::malformed(
+                format_args!("tensor {tensor}"),
+                format_args!("{:?} of {} bytes", found.kind, found.bytes.len()),
+                "its numbers",
+            )
         })
     }
 

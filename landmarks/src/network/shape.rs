@@ -24,7 +24,13 @@ impl Shape {
                 shape
             }
             [channels] => [1, 1, *channels],
-            _ => return Err(Fault::malformed("a tensor's shape", format_args!("{extents:?}"), "1, rows, columns, channels")),
+            _ => {
+                return Err(Fault::malformed(
+                    "a tensor's shape",
+                    format_args!("{extents:?}"),
+                    "1, rows, columns, channels",
+                ));
+            }
         };
         Self::new(shape[0], shape[1], shape[2])
     }

@@ -80,6 +80,11 @@ impl LandmarkFiles {
         Ok(Self { tracks, path: path.into() })
     }
 
+    /// Landmarks that no file holds, of frames with names of their own.
+    pub fn of(track: Track) -> Self {
+        Self { tracks: BTreeMap::from([(String::new(), track)]), path: PathBuf::new() }
+    }
+
     /// The landmarks of a frame, the `place`-th of the `count` of its sequence, by name.
     ///
     /// # Errors
