@@ -104,7 +104,11 @@ fn bare_scans_with_landmarks_become_data_to_train_on() {
         points.sort_by(|one, other| one.0.cmp(&other.0));
         points
     };
-    assert_eq!(points(&out.join(LANDMARKS_FILE)), points(&landmarks), "what was given can be corrected and given again");
+    assert_eq!(
+        points(&out.join(LANDMARKS_FILE)),
+        points(&landmarks),
+        "what was given can be corrected and given again"
+    );
     assert_outcome(&register, 1, &["not empty", "--resume"]);
 
     // Stopped after shape and one frame were known, and gone on with by one thread: the same bytes.
