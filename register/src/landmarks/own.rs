@@ -11,14 +11,17 @@ use xavatar_formats::{Result, write_atomically};
 /// The file, among scans or in what is made of them.
 pub const LANDMARKS_FILE: &str = "landmarks.json";
 
-/// Writes points of frames by name: each its name, place and confidence. Frames and points that are not there are null when read.
+/// A point: its name, place and confidence.
+pub type NamedPoint = (String, DVec3, f64);
+
+/// Writes the points of frames by name. Frames and points that are not there are null when read.
 ///
 /// # Errors
 /// [`Error::Io`](xavatar_formats::Error::Io).
-pub fn write_own(path: &Path, frames: &[(String, Vec<(String, DVec3, f64)>)]) -> Result<()> {
+pub fn write_own(path: &Path, frames: &[(String, Vec<NamedPoint>)]) -> Result<()> {
     let names: BTreeSet<&str> =
         frames.iter().flat_map(|(_, points)| points.iter().map(|(name, ..)| name.as_str())).collect();
-    let row = |points: &[(String, DVec3, f64)]| -> Value {
+    let row = |points: &[NamedPoint]| -> Value {
         let point = |name: &&str| match points.iter().find(|(own, ..)| own == name) {
             Some((_, place, confidence)) => json!([place.x, place.y, place.z, confidence]),
             None => Value::Null,
