@@ -1,10 +1,12 @@
-//! Named files of a folder, or of a zip archive such as a Python wheel, read alike.
+//! Named files of a folder, of a zip archive such as a Python wheel, or of a gzipped tar archive such as a package of npm, read alike.
 //!
 //! Names are paths with `/`. A member that ends in `.gz` comes out unpacked. What one member unpacks to is bounded in proportion to what it
 //! takes up, as for every file here ([`Budget`]); members must not share bytes.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use flate2::read::GzDecoder;
@@ -13,9 +15,13 @@ use zip::ZipArchive;
 use crate::budget::Budget;
 use crate::fault::Fault;
 use crate::input_file::{open_file, read_bytes};
+use crate::tarball;
 use crate::{Error, Result};
 
 const FORMAT: &str = "zip archive";
+const TARBALL: &str = "gzipped tar archive";
+/// What gzip begins with.
+const GZIP: [u8; 2] = [0x1f, 0x8b];
 
 /// Where named files are.
 #[derive(Debug)]
@@ -28,16 +34,33 @@ pub struct FileTree {
 enum Content {
     Folder,
     Archive(Box<ZipArchive<File>>),
+    /// Unpacked, and where each file is in it.
+    Tarball(Vec<u8>, BTreeMap<String, Range<usize>>),
 }
 
 impl FileTree {
-    /// Opens a folder or a zip archive.
+    /// Opens a folder, a zip archive or a gzipped tar archive.
     ///
     /// # Errors
     /// [`Error::Malformed`] for a file that is no zip archive, [`Error::Refused`] for one whose members share bytes; those of opening it.
     pub fn open(path: &Path) -> Result<Self> {
         if path.is_dir() {
             return Ok(Self { path: path.into(), content: Content::Folder });
+        }
+        let mut first = [0; 2];
+        let is_gzip = open_file(path)?.read_exact(&mut first).is_ok() && first == GZIP;
+        if is_gzip {
+            let packed = read_bytes(path)?;
+            let budget = Budget::of_file(packed.len());
+            let unpack = || {
+                let bytes = unpacked(GzDecoder::new(packed.as_slice()), &budget)?;
+                let files = tarball::files(&bytes)?;
+                Ok(Content::Tarball(bytes, files))
+            };
+            return Ok(Self {
+                path: path.into(),
+                content: unpack().map_err(|fault: Fault| fault.in_file(path, TARBALL))?,
+            });
         }
         let broken = |error: zip::result::ZipError| {
             Fault::malformed("zip directory", error, "a zip archive").in_file(path, FORMAT)
@@ -61,6 +84,7 @@ impl FileTree {
         match &self.content {
             Content::Folder => self.path.join(name).is_file(),
             Content::Archive(archive) => archive.index_for_name(name).is_some(),
+            Content::Tarball(_, files) => files.contains_key(name),
         }
     }
 
@@ -79,6 +103,9 @@ impl FileTree {
         let bytes = match &mut self.content {
             Content::Folder => read_bytes(&self.path.join(name))?,
             Content::Archive(archive) => member(archive, name).map_err(|fault| fault.in_file(&self.path, FORMAT))?,
+            Content::Tarball(bytes, files) => {
+                files.get(name).and_then(|place| bytes.get(place.clone())).unwrap_or_default().to_vec()
+            }
         };
         if !name.ends_with(".gz") {
             return Ok(bytes);
@@ -143,8 +170,8 @@ mod tests {
         gzip.finish().unwrap()
     }
 
-    /// A folder, and an archive of the same files.
-    fn both(files: &[(&str, Vec<u8>)]) -> (tempfile::TempDir, [FileTree; 2]) {
+    /// A folder, and archives of the same files.
+    fn all(files: &[(&str, Vec<u8>)]) -> (tempfile::TempDir, [FileTree; 3]) {
         let folder = tempfile::tempdir().unwrap();
         let archive = folder.path().join("tree.zip");
         let mut writer = ZipWriter::new(File::create(&archive).unwrap());
@@ -156,13 +183,15 @@ mod tests {
             writer.write_all(bytes).unwrap();
         }
         writer.finish().unwrap();
-        let trees = [folder.path(), &archive].map(|path| FileTree::open(path).unwrap());
+        let tarball = folder.path().join("tree.tgz");
+        std::fs::write(&tarball, packed(&tarball::packed(files))).unwrap();
+        let trees = [folder.path(), &archive, &tarball].map(|path| FileTree::open(path).unwrap());
         (folder, trees)
     }
 
     #[test]
-    fn a_folder_and_an_archive_say_the_same() {
-        let (_folder, trees) = both(&[("a/notes.txt", b"two\nlines".to_vec()), ("a/b.target.gz", packed(b"1 0 0 0"))]);
+    fn a_folder_and_archives_say_the_same() {
+        let (_folder, trees) = all(&[("a/notes.txt", b"two\nlines".to_vec()), ("a/b.target.gz", packed(b"1 0 0 0"))]);
         for mut tree in trees {
             assert_eq!(tree.text("a/notes.txt").unwrap(), "two\nlines");
             assert_eq!(tree.text("a/b.target.gz").unwrap(), "1 0 0 0");
@@ -176,7 +205,7 @@ mod tests {
     fn what_is_damaged_or_unpacks_to_much_is_refused() {
         let bomb = packed(&vec![0; 100 << 20]);
         let cut = packed(b"whole")[..12].to_vec();
-        let (_folder, trees) = both(&[("bomb.gz", bomb), ("cut.gz", cut), ("latin.txt", b"\xff".to_vec())]);
+        let (_folder, trees) = all(&[("bomb.gz", bomb), ("cut.gz", cut), ("latin.txt", b"\xff".to_vec())]);
         for mut tree in trees {
             assert!(matches!(tree.bytes("bomb.gz"), Err(Error::TooLarge { .. })));
             assert!(matches!(tree.bytes("cut.gz"), Err(Error::Malformed { .. })));

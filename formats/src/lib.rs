@@ -7,7 +7,7 @@
 //! | PyTorch checkpoint | [`read_torch`] |
 //! | any of these and JSON, by what it begins with, compressed or not | [`ArrayFile`] |
 //! | safetensors | [`TensorFile`] |
-//! | a folder or a zip archive, as named files | [`FileTree`] |
+//! | a folder, a zip archive or a .tgz, as named files | [`FileTree`] |
 //! | PNG, JPEG, TIFF, BMP, TGA | [`read_picture`] |
 //!
 //! Files are opened by [`open_file`], which refuses pipes and devices, and read on a budget of memory in proportion to their size.
@@ -35,6 +35,7 @@ mod pickle;
 mod picture_file;
 mod remedy;
 mod shown;
+mod tarball;
 mod tensor_file;
 mod text;
 mod torch;

@@ -1,7 +1,8 @@
 //! How far registration is from registrations that are known:
-//! `cargo run --release -p xavatar-register --example score -- SUBJECT BODY OUT [--geometry-only]`.
+//! `cargo run --release -p xavatar-register --example score -- SUBJECT BODY OUT [--geometry-only | --models PACKAGE]`.
 //!
-//! The subject's own registrations make landmarks, with 20 mm of noise and every fifth missing, and are hidden from the fit, which is
+//! The subject's own registrations make landmarks, with 20 mm of noise and every fifth missing, unless a package's networks find them, and
+//! are hidden from the fit, which is
 //! written to OUT, a new folder. Mean distances of vertices in millimetres, a frame a row. Hands that the scan lacks are left out, which
 //! the truth decides. Jitter: the true surface taken back to rest by the fitted bones, its mean distance over frames from its median.
 
@@ -16,8 +17,9 @@ use rand_distr::StandardNormal;
 use xavatar_body::{BodyModel, PartLabels, Pose, PosedBody, Registration, Role};
 use xavatar_data::{FrameFiles, Scans, Split, Subject, read_frame};
 use xavatar_formats::Result;
+use xavatar_landmarks::Models;
 use xavatar_register::fit::{Fitter, Known};
-use xavatar_register::job::{Job, Up, Verdict};
+use xavatar_register::job::{Job, Up, Verdict, find_landmarks};
 use xavatar_register::landmarks::{LandmarkFiles, Site};
 use xavatar_register::linear::FramePose;
 use xavatar_register::surface_model::Density;
@@ -49,8 +51,24 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let labels = PartLabels::find(&model)?;
     let truth = truth.settled(&model)?;
     let is_blind = arguments.iter().any(|argument| argument == "--geometry-only");
-    let landmarks = if is_blind { None } else { Some(noisy_landmarks(&truth, &model, &labels, Path::new(out))?) };
+    let package = arguments.iter().skip_while(|argument| *argument != "--models").nth(1);
     let scans = Scans::open(subject, &[])?;
+    let began = Instant::now();
+    let mut phase = "";
+    let mut observe = |name: &'static str, _: f64, _: &str| {
+        if name != phase {
+            phase = name;
+            eprintln!("{:6.1} s {name}", began.elapsed().as_secs_f64());
+        }
+    };
+    let run_on = AtomicBool::new(false);
+    let landmarks = match package {
+        Some(package) => {
+            find_landmarks(&scans, &Models::open(package.as_ref())?, Up::Y, out.as_ref(), &mut observe, &run_on)?
+        }
+        None if is_blind => None,
+        None => Some(noisy_landmarks(&truth, &model, &labels, Path::new(out))?),
+    };
     let job = Job {
         scans: &scans,
         body: &model,
@@ -61,15 +79,7 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
         shape_from: None,
         out: out.into(),
     };
-    let began = Instant::now();
-    let mut phase = "";
-    let mut observe = |name: &'static str, _: f64, _: &str| {
-        if name != phase {
-            phase = name;
-            eprintln!("{:6.1} s {name}", began.elapsed().as_secs_f64());
-        }
-    };
-    let Some(report) = job.run(&mut observe, &AtomicBool::new(false))? else { return Err("stopped".into()) };
+    let Some(report) = job.run(&mut observe, &run_on)? else { return Err("stopped".into()) };
     println!("{report}{:.2} s a frame", began.elapsed().as_secs_f64() / report.frames.len() as f64);
     let found = Subject::open(out)?.settled(&model)?;
     for split in [Split::Train, Split::Test] {

@@ -6,12 +6,13 @@ use clap::ValueEnum;
 use xavatar::body::Gender;
 use xavatar::data::{Scans, Subject};
 use xavatar::formats::read_npy;
+use xavatar::landmarks::Models;
 use xavatar::register::fit::Known;
-use xavatar::register::job::{Job, REPORT_FILE, Up};
-use xavatar::register::landmarks::LandmarkFiles;
+use xavatar::register::job::{Job, REPORT_FILE, Up, find_landmarks};
+use xavatar::register::landmarks::{LANDMARKS_FILE, LandmarkFiles};
 use xavatar::report::{REGISTRATION_PAGE, write_registration_page};
 
-use super::inputs::load_body;
+use super::inputs::{SubjectArguments, load_body};
 use super::json::JsonArgument;
 use super::progress::Progress;
 use super::{Outcome, outputs, stop, wrong_usage};
@@ -19,6 +20,7 @@ use super::{Outcome, outputs, stop, wrong_usage};
 /// Register a body model to scans: poses, shape and clothing, as data to train on
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
+    xavatar register scans --body models/smplx --models mediapipe-0.10.14.whl --out data\n  \
     xavatar register scans --body models/smplx --landmarks landmarks.json --out data\n  \
     xavatar register scans --body models/smplx --geometry-only --out data\n  \
     xavatar register scans --body models/smplx --landmarks openpose --take Take3=test --out data\n\n\
@@ -36,10 +38,13 @@ pub struct Register {
     #[arg(long, value_name = "DATA")]
     out: PathBuf,
     /// Landmarks in the scans' coordinates: a file, or a folder with a file a frame
-    #[arg(long, value_name = "PATH", required_unless_present = "geometry_only")]
+    #[arg(long, value_name = "PATH", required_unless_present_any = ["geometry_only", "models"])]
     landmarks: Option<PathBuf>,
+    /// MediaPipe's package, whose networks find the landmarks: its wheel of version 0.10.14, or a folder with it
+    #[arg(long, value_name = "PACKAGE", conflicts_with = "landmarks")]
+    models: Option<PathBuf>,
     /// Without landmarks: people who stand are found by the scans' shapes, and the frames near them from these
-    #[arg(long, conflicts_with = "landmarks")]
+    #[arg(long, conflicts_with_all = ["landmarks", "models"])]
     geometry_only: bool,
     /// The subject's shape, ten coefficients as .npy, to be held fixed
     #[arg(long, value_name = "FILE")]
@@ -94,13 +99,26 @@ impl Register {
         let gender = self.gender.or(scans.gender).unwrap_or(Gender::Neutral);
         scans.gender = Some(gender);
         let (body_model, labels) = load_body(&self.body, gender)?;
-        let landmarks = self.landmarks.as_deref().map(LandmarkFiles::read).transpose()?;
+        let up = self.up.into();
+        let stop = stop::on_interrupt()?;
+        let mut progress = Progress::new();
+        let mut show = |phase: &'static str, share: f64, message: &str| progress.show(phase, share, message);
+        let landmarks = match (&self.landmarks, &self.models) {
+            (Some(path), _) => Some(LandmarkFiles::read(path)?),
+            (None, None) => None,
+            (None, Some(package)) => {
+                match find_landmarks(&scans, &Models::open(package)?, up, &self.out, &mut show, stop)? {
+                    Some(found) => Some(found),
+                    None => return Ok(stopped()),
+                }
+            }
+        };
         let job = Job {
             scans: &scans,
             body: &body_model,
             labels: &labels,
             landmarks: landmarks.as_ref(),
-            up: self.up.into(),
+            up,
             known: Known {
                 shape: self.shape.as_deref().map(|path| shape_in(path, body_model.shape_coefficients())).transpose()?,
                 bare: false,
@@ -108,15 +126,10 @@ impl Register {
             shape_from: self.minimal.clone(),
             out: self.out.clone(),
         };
-        let stop = stop::on_interrupt()?;
-        let mut progress = Progress::new();
-        let report = job.run(&mut |phase, share, message| progress.show(phase, share, message), stop)?;
+        let report = job.run(&mut show, stop)?;
         progress.finish();
         let (data, body) = (self.out.display(), self.body.display());
-        let Some(report) = report else {
-            log::info!("stopped; the same command with --resume goes on");
-            return Ok(Outcome::Stopped);
-        };
+        let Some(report) = report else { return Ok(stopped()) };
         write_registration_page(&self.out, &report, &body_model, super::report::command_line())?;
         let files = [REPORT_FILE, REGISTRATION_PAGE].map(|file| self.out.join(file).display().to_string());
         self.json.print(&report, &format!("{report}{}\n", files.join("\n")))?;
@@ -127,11 +140,19 @@ impl Register {
     }
 }
 
+fn stopped() -> Outcome {
+    log::info!("stopped; the same command with --resume goes on");
+    Outcome::Stopped
+}
+
 /// Registers the scans in `data` if no body is registered to them: into the folder beside the run's, which later calls take as it is.
 /// Landmarks are those of `landmarks.json` among the scans; without, people are found by the scans' shapes. Returns where the data
 /// are; none if the registration was stopped.
-pub fn registered_first(data: &Path, body: &Path, run: &Path) -> anyhow::Result<Option<PathBuf>> {
-    const LANDMARKS: &str = "landmarks.json";
+pub fn registered_first(
+    SubjectArguments { data, body }: &SubjectArguments,
+    run: &Path,
+    models: Option<PathBuf>,
+) -> anyhow::Result<Option<PathBuf>> {
     let has_bodies =
         |subject: &Subject| subject.train.iter().chain(&subject.test).any(|files| files.parameters.path().is_some());
     let scans = match Subject::open(data) {
@@ -147,16 +168,21 @@ pub fn registered_first(data: &Path, body: &Path, run: &Path) -> anyhow::Result<
         log::info!("the scans' registration is in {}", out.display());
         return Ok(Some(out));
     }
-    let landmarks = data.join(LANDMARKS);
-    let landmarks = landmarks.is_file().then_some(landmarks);
-    let how = if landmarks.is_some() { "by landmarks.json" } else { "by their shapes alone" };
+    let landmarks = data.join(LANDMARKS_FILE);
+    let landmarks = Some(landmarks).filter(|landmarks| models.is_none() && landmarks.is_file());
+    let how = match (&models, &landmarks) {
+        (Some(_), _) => "by landmarks found in pictures of them",
+        (None, Some(_)) => "by landmarks.json",
+        (None, None) => "by their shapes alone",
+    };
     log::info!("no body is registered to these scans: registering them {how}, into {}", out.display());
     let register = Register {
         scans: scans.folder,
-        body: body.into(),
+        body: body.clone(),
         out: out.clone(),
-        geometry_only: landmarks.is_none(),
+        geometry_only: landmarks.is_none() && models.is_none(),
         landmarks,
+        models,
         shape: None,
         minimal: None,
         test: Vec::new(),

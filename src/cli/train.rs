@@ -32,6 +32,9 @@ pub struct Train {
     /// What to learn from [default: scans; RGB-D where there are no scans]
     #[arg(long, value_enum, value_name = "KIND")]
     from: Option<Kind>,
+    /// Where scans have no bodies: MediaPipe's package, as for `register`
+    #[arg(long, value_name = "PACKAGE")]
+    models: Option<PathBuf>,
     #[command(flatten)]
     training: TrainingArguments,
     #[command(flatten)]
@@ -52,7 +55,7 @@ impl Train {
             (self.new_configuration(kind)?, kind)
         };
         if kind == Kind::Scans {
-            match registered_first(&self.subject.data, &self.subject.body, &self.out)? {
+            match registered_first(&self.subject, &self.out, self.models.take())? {
                 Some(data) => self.subject.data = data,
                 None => return Ok(Outcome::Stopped),
             }

@@ -15,6 +15,8 @@ pub struct ScanFrame {
     pub scan: TriangleMesh,
     /// Its parameters; the shape is the subject's mean shape.
     pub parameters: BodyParameters,
+    /// Names of the body's parts that the scan does not show: their pose is a guess.
+    pub unseen_parts: Vec<String>,
     /// What the scan's file says that is not in `scan`.
     pub notes: Vec<Note>,
 }

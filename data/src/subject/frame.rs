@@ -112,7 +112,8 @@ pub fn read_frame(files: &FrameFiles, betas: &[f32]) -> Result<ScanFrame> {
         for placement in &files.rules.placements {
             placement.apply(&mut scan, files.rules.place_of(placement.origin, &parameters)?);
         }
-        Ok(ScanFrame { id: files.id.clone(), scan, parameters, notes })
+        let unseen_parts = files.rules.unseen.get(&files.id.to_string()).cloned().unwrap_or_default();
+        Ok(ScanFrame { id: files.id.clone(), scan, parameters, unseen_parts, notes })
     };
     read().map_err(|error: Error| error.in_frame(files.id.to_string()))
 }

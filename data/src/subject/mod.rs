@@ -12,6 +12,7 @@ mod pairing;
 mod rules;
 mod scan_file;
 mod scans;
+mod unseen;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -115,6 +116,7 @@ impl Subject {
             hands: description.hands.unwrap_or(conventions.hands),
             placements: [Some(description.scans.unwrap_or(of_layout)), mended].into_iter().flatten().collect(),
             settled: None,
+            unseen: unseen::read(&data)?,
         });
         let [train, test] = frames_by_split(&sequences, &description.test, &rules);
         Ok(Self {

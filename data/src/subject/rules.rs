@@ -3,6 +3,7 @@
 use glam::Vec3;
 use serde::Deserialize;
 
+use super::unseen::UnseenParts;
 use crate::placement::{Origin, ScanPlacement};
 use xavatar_body::smplx::joint;
 use xavatar_body::{BodyModel, BodyParameters, Gender, HandPose, PoseAxisAngle};
@@ -37,6 +38,8 @@ pub(crate) struct Rules {
     pub(super) placements: Vec<ScanPlacement>,
     /// What depends on the body model; settled once the model is known.
     pub(super) settled: Option<Settled>,
+    /// What scans do not show, whose registration is a guess.
+    pub(super) unseen: UnseenParts,
 }
 
 /// Three numbers a joint of a hand.

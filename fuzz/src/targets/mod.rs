@@ -36,6 +36,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "avatar", read: avatars::avatar, seeds: avatars::avatar_seeds },
     Target { name: "avatar_texts", read: avatars::avatar_texts, seeds: avatars::avatar_texts_seeds },
     Target { name: "landmarks", read: landmarks::landmarks, seeds: landmarks::landmarks_seeds },
+    Target { name: "network", read: landmarks::network, seeds: landmarks::network_seeds },
     Target { name: "request", read: requests::request, seeds: requests::request_seeds },
     Target { name: "pose", read: requests::pose, seeds: requests::pose_seeds },
     Target { name: "mesh_message", read: requests::mesh_message, seeds: requests::mesh_message_seeds },

@@ -12,10 +12,11 @@ const MORE_UNCOVERED: f64 = 0.03;
 const HAND_FAR: f64 = 0.22;
 
 impl FrameQuality {
-    /// The names of the hands that the scan does not show.
-    pub fn missing_hands(&self, skeleton: &Skeleton) -> Vec<String> {
+    /// The names of the hands that the scan does not show: those that are far from it, and those that no landmark is of.
+    pub fn missing_hands(&self, skeleton: &Skeleton, without_landmarks: &[String]) -> Vec<String> {
         let hands = skeleton.parts_of(Role::Hands).map(|part| &skeleton.parts[part.index()].name);
-        hands.filter(|name| self.parts.get(*name).is_some_and(|part| part.far > HAND_FAR)).cloned().collect()
+        let is_far = |name: &String| self.parts.get(name).is_some_and(|part| part.far > HAND_FAR);
+        hands.filter(|name| is_far(name) || without_landmarks.contains(name)).cloned().collect()
     }
 
     /// One number to choose between fits of the same frame by; less is better.

@@ -1,12 +1,16 @@
 //! From the coordinates of scans' files to metres with Y up: x = s R x_file. Landmarks are in the files' coordinates, too.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
+use xavatar_data::FrameFiles;
 use xavatar_formats::{Error, Result};
 use xavatar_mesh::TriangleMesh;
 
 /// The tallest side of a person's scan, metres.
 const SIZES: std::ops::RangeInclusive<f64> = 0.4..=2.6;
+
+/// Scans that are looked at for the unit.
+const MEASURED: usize = 5;
 
 /// The axis of the files that points up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -46,6 +50,25 @@ impl FileCoordinates {
             remedy: "scale the scans to metres".into(),
         })?;
         Ok(Self { scale, up })
+    }
+
+    /// As [`of_extents`](Self::of_extents), of some of a subject's scans, evenly spread.
+    ///
+    /// # Errors
+    /// [`Error::Unfit`] likewise; those of reading a scan.
+    pub fn of_scans(files: &[&FrameFiles], up: Up) -> Result<Self> {
+        let stride = files.len().div_ceil(MEASURED).max(1);
+        let extent = |files: &&FrameFiles| {
+            let vertices = files.read_scan()?.mesh.vertices;
+            let fold = |of: fn(Vec3, Vec3) -> Vec3| vertices.iter().copied().reduce(of).unwrap_or_default();
+            Ok((fold(Vec3::max) - fold(Vec3::min)).as_dvec3())
+        };
+        Self::of_extents(&files.iter().step_by(stride).map(extent).collect::<Result<Vec<_>>>()?, up)
+    }
+
+    /// A place in metres, Y up, as the files have it.
+    pub fn place_in_file(self, place: DVec3) -> DVec3 {
+        self.turn().transpose() * place / self.scale
     }
 
     /// A place of the files in metres, Y up.
@@ -96,6 +119,7 @@ mod tests {
         for (up, axis) in [(Up::Y, DVec3::Y), (Up::MinusY, DVec3::NEG_Y), (Up::Z, DVec3::Z)] {
             let coordinates = FileCoordinates { scale: 0.001, up };
             assert!(coordinates.place(axis * 1000.0).abs_diff_eq(DVec3::Y, 1e-12));
+            assert!(coordinates.place_in_file(DVec3::Y).abs_diff_eq(axis * 1000.0, 1e-9));
             assert!((coordinates.turn().determinant() - 1.0).abs() < 1e-12);
         }
     }

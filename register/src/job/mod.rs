@@ -4,6 +4,7 @@
 //! then the data: X-Humans' layout with `clothing.npz` and `register.json`. What fails is left out and named.
 
 mod coordinates;
+mod detection;
 mod record;
 mod report;
 mod scored;
@@ -20,6 +21,7 @@ use xavatar_data::{FrameFiles, Scans, Split};
 use xavatar_formats::{Error, FolderLock, Result};
 
 pub use coordinates::{FileCoordinates, Up};
+pub use detection::find_landmarks;
 pub use report::{FrameReport, REPORT_FILE, RegistrationReport, Verdict};
 pub use scored::score_registration;
 pub use shared::CLOTHING_FILE;
@@ -33,8 +35,6 @@ use crate::target::ScanTarget;
 
 /// Frames that shape and clothing are found from, spread over all for training.
 const KEY_FRAMES: usize = 40;
-/// Scans that are looked at for the unit.
-const MEASURED: usize = 5;
 /// The folder of records in the data's.
 const RECORDS: &str = "register";
 /// Good frames before and after a doubtful one that it is started from.
@@ -80,6 +80,7 @@ impl Job<'_> {
         self.body.skeleton().require(smplx::skeleton(), "the body that scans are registered with")?;
         let _lock = FolderLock::take(&self.out)?;
         let working = Working::new(self)?;
+        working.write_landmarks()?;
         let Some(shaped) = working.shaped(observe, stop)? else { return Ok(None) };
         let Some(records) = working.records(&shaped, observe, stop)? else { return Ok(None) };
         let Some(records) = working.tried_again(records, &shaped, observe, stop)? else { return Ok(None) };
@@ -111,18 +112,10 @@ impl<'a> Working<'a> {
             let all: Vec<usize> = others.map(|(other, _)| other).collect();
             (all.iter().filter(|other| **other < index).count(), all.len())
         };
-        let stride = files.len().div_ceil(MEASURED).max(1);
-        let extent = |files: &&FrameFiles| {
-            let vertices = files.read_scan()?.mesh.vertices;
-            let fold =
-                |of: fn(glam::Vec3, glam::Vec3) -> glam::Vec3| vertices.iter().copied().reduce(of).unwrap_or_default();
-            Ok((fold(glam::Vec3::max) - fold(glam::Vec3::min)).as_dvec3())
-        };
-        let extents = files.iter().step_by(stride).map(extent).collect::<Result<Vec<_>>>()?;
         Ok(Self {
             fitter: Fitter::new(job.body, job.labels, Density::FINE),
             coarse: Fitter::new(job.body, job.labels, Density::COARSE),
-            coordinates: FileCoordinates::of_extents(&extents, job.up)?,
+            coordinates: FileCoordinates::of_scans(&files, job.up)?,
             places: (0..files.len()).map(place).collect(),
             kept: job.out.join(RECORDS),
             files,

@@ -69,7 +69,10 @@ pub fn score_registration(
             frame: files.id.to_string(),
             verdict: if is_doubtful { Verdict::Doubtful } else { Verdict::Registered },
             reason,
-            missing_hands: quality.as_ref().map(|quality| quality.missing_hands(body.skeleton())).unwrap_or_default(),
+            missing_hands: quality
+                .as_ref()
+                .map(|quality| quality.missing_hands(body.skeleton(), &[]))
+                .unwrap_or_default(),
             quality: quality.ok(),
             landmarks: 0,
             dropped_landmarks: Vec::new(),

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use xavatar_body::{BodyParameters, Gender, HandPose, Pose, PoseAxisAngle, smplx};
+use xavatar_body::{BodyParameters, Gender, HandPose, PartGroup, Pose, PoseAxisAngle, Role, Skeleton, smplx};
 use xavatar_data::{FrameFolder, write_common};
 use xavatar_formats::{Error, Result, write_atomically};
 
@@ -10,6 +10,7 @@ use super::record::Record;
 use super::report::{FrameReport, REPORT_FILE, RegistrationReport, Verdict, summary, why};
 use super::{Observer, Working};
 use crate::fit::{FrameQuality, Shaped};
+use crate::landmarks::{LANDMARKS_FILE, write_own};
 use crate::linear::so3;
 
 impl Working<'_> {
@@ -21,6 +22,7 @@ impl Working<'_> {
         observe: &mut Observer<'_>,
     ) -> Result<RegistrationReport> {
         let bad = self.are_bad(records);
+        let unseen = self.hands_without_landmarks()?;
         let betas: Vec<f32> = shaped.shape.iter().map(|value| *value as f32).collect();
         write_common(&self.job.out, self.job.scans.gender.unwrap_or(Gender::Neutral), &betas)?;
         let mut frames = Vec::new();
@@ -28,7 +30,7 @@ impl Working<'_> {
             let id = &self.files[index].id;
             observe("writing", index as f64 / records.len() as f64, &id.to_string());
             let folder = FrameFolder::of(&self.job.out, id);
-            let report = self.report_of(index, record.as_ref(), bad[index]);
+            let report = self.report_of(index, record.as_ref(), bad[index], &unseen[index]);
             match record.as_ref().filter(|_| report.verdict == Verdict::Registered) {
                 Some(record) => self.write_frame(&folder, index, record, &report.missing_hands, shaped)?,
                 None => folder.clear()?,
@@ -42,7 +44,45 @@ impl Working<'_> {
         Ok(report)
     }
 
-    fn report_of(&self, index: usize, record: Option<&Record>, is_bad: bool) -> FrameReport {
+    /// Writes the landmarks that were given or found, in our own format: a point can be corrected there, and the file given.
+    pub(super) fn write_landmarks(&self) -> Result<()> {
+        let Some(landmarks) = self.job.landmarks else { return Ok(()) };
+        let path = self.job.out.join(LANDMARKS_FILE);
+        let of_frame = |index: usize| {
+            let (place, count) = self.places[index];
+            Ok((self.files[index].id.to_string(), landmarks.of_frame(&self.files[index].id, place, count)?))
+        };
+        let frames = (0..self.files.len()).map(of_frame).collect::<Result<Vec<_>>>()?;
+        write_own(&path, &frames)
+    }
+
+    /// Of each frame, the hands none of whose fingers has a landmark, if in another frame one has: programs that find fingers miss no whole
+    /// hand that a scan shows.
+    fn hands_without_landmarks(&self) -> Result<Vec<Vec<String>>> {
+        let skeleton = self.job.body.skeleton();
+        let hands: Vec<(&String, Vec<&String>)> = (skeleton.parts_of(Role::Hands))
+            .map(|part| &skeleton.parts[part.index()])
+            .map(|part| (&part.name, fingers(skeleton, part).map(|joint| &skeleton.joints[joint]).collect()))
+            .collect();
+        let of_frame = |index: usize| {
+            let (place, count) = self.places[index];
+            let found = match self.job.landmarks {
+                Some(landmarks) => landmarks.of_frame(&self.files[index].id, place, count)?,
+                None => Vec::new(),
+            };
+            let has = |fingers: &[&String]| found.iter().any(|(name, ..)| fingers.contains(&name));
+            Ok(hands.iter().map(|(_, fingers)| has(fingers)).collect())
+        };
+        let seen = (0..self.files.len()).map(of_frame).collect::<Result<Vec<Vec<bool>>>>()?;
+        let is_ever_seen = |hand: usize| seen.iter().any(|frame| frame[hand]);
+        let unseen = |frame: &Vec<bool>| {
+            let unseen = (0..hands.len()).filter(|hand| !frame[*hand] && is_ever_seen(*hand));
+            unseen.map(|hand| hands[hand].0.clone()).collect()
+        };
+        Ok(seen.iter().map(unseen).collect())
+    }
+
+    fn report_of(&self, index: usize, record: Option<&Record>, is_bad: bool, unseen: &[String]) -> FrameReport {
         let quality = record.map(|record| record.quality.clone());
         FrameReport {
             frame: self.files[index].id.to_string(),
@@ -51,7 +91,7 @@ impl Working<'_> {
             missing_hands: quality
                 .as_ref()
                 .filter(|_| !is_bad)
-                .map(|quality| quality.missing_hands(self.job.body.skeleton()))
+                .map(|quality| quality.missing_hands(self.job.body.skeleton(), unseen))
                 .unwrap_or_default(),
             quality,
             landmarks: record.map_or(0, |record| record.landmarks),
@@ -90,9 +130,8 @@ impl Working<'_> {
         let mut pose = record.pose(self.fitter.linkage.extents());
         let skeleton = self.job.body.skeleton();
         for part in missing_hands.iter().filter_map(|name| skeleton.part_named(name)) {
-            let fingers = |joint: &&usize| !skeleton.joints[**joint].ends_with("wrist");
-            for joint in skeleton.parts[part.index()].joints.iter().filter(fingers) {
-                pose.rotations[*joint] = so3::exp(self.fitter.prior.mean(*joint));
+            for joint in fingers(skeleton, &skeleton.parts[part.index()]) {
+                pose.rotations[joint] = so3::exp(self.fitter.prior.mean(joint));
             }
         }
         let pose = pose.pose(&shaped.shape);
@@ -120,4 +159,9 @@ impl Working<'_> {
             ..parameters
         }
     }
+}
+
+/// The joints of a hand but for its wrist.
+fn fingers<'a>(skeleton: &'a Skeleton, hand: &'a PartGroup) -> impl Iterator<Item = usize> + 'a {
+    hand.joints.iter().copied().filter(|joint| !skeleton.joints[*joint].ends_with("wrist"))
 }

@@ -17,6 +17,7 @@ use glam::DVec3;
 use xavatar_data::FrameId;
 use xavatar_formats::{Error, Result, read_bytes};
 
+use super::own::NamedPoint;
 use super::{c3d, json, points, trc};
 
 /// Extensions of files with landmarks.
@@ -80,11 +81,16 @@ impl LandmarkFiles {
         Ok(Self { tracks, path: path.into() })
     }
 
+    /// Landmarks that no file holds, of frames with names of their own.
+    pub fn of(track: Track) -> Self {
+        Self { tracks: BTreeMap::from([(String::new(), track)]), path: PathBuf::new() }
+    }
+
     /// The landmarks of a frame, the `place`-th of the `count` of its sequence, by name.
     ///
     /// # Errors
     /// [`Error::Mismatch`] if frames have no names of their own and are not as many as the scans.
-    pub fn of_frame(&self, id: &FrameId, place: usize, count: usize) -> Result<Vec<(String, DVec3, f64)>> {
+    pub fn of_frame(&self, id: &FrameId, place: usize, count: usize) -> Result<Vec<NamedPoint>> {
         let Some(track) = self.tracks.get(&id.sequence).or_else(|| self.tracks.get("")) else { return Ok(Vec::new()) };
         let number = format!("f{:05}", id.number);
         let called = [id.to_string(), format!("{}/{number}", id.sequence), number];

@@ -5,6 +5,7 @@ mod c3d;
 mod file;
 mod json;
 mod names;
+mod own;
 mod points;
 mod sites;
 #[cfg(test)]
@@ -15,6 +16,7 @@ use glam::DVec3;
 
 pub use bones::believed;
 pub use file::{Found, LandmarkFiles, Track, TrackFrame, parse_landmarks};
+pub use own::{LANDMARKS_FILE, NamedPoint, write_own};
 pub use sites::{NamedSite, Site, Sites};
 
 /// A place of the body that was seen in one frame.

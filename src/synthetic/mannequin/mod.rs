@@ -115,7 +115,7 @@ impl BuiltInSubject {
             Split::Test => ("test", "Take2"),
         };
         let id = FrameId { split: split.into(), sequence: sequence.into(), number: index as u32 + 1 };
-        Ok(ScanFrame { id, scan, parameters, notes: Vec::new() })
+        Ok(ScanFrame { id, scan, parameters, unseen_parts: Vec::new(), notes: Vec::new() })
     }
 }
 

@@ -70,6 +70,7 @@ fn frame(number: u32) -> ScanFrame {
         id: FrameId { split: "test".into(), sequence: "Take1".into(), number },
         scan,
         parameters,
+        unseen_parts: Vec::new(),
         notes: Vec::new(),
     }
 }

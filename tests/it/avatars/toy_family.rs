@@ -79,7 +79,7 @@ pub fn scan(model: &BodyModel, split: &str, number: u32, pose: &Pose) -> ScanFra
     scan.vertices.iter_mut().for_each(|vertex| *vertex += pose.translation);
     scan.normals = Some(scan.vertex_normals());
     let id = FrameId { split: split.into(), sequence: "Bend1".into(), number };
-    ScanFrame { id, scan, parameters: pose.clone().into(), notes: Vec::new() }
+    ScanFrame { id, scan, parameters: pose.clone().into(), unseen_parts: Vec::new(), notes: Vec::new() }
 }
 
 /// The weights of the three joints at a height of the mean shape.

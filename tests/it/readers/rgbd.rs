@@ -206,6 +206,7 @@ fn normals_of_a_rendered_sphere_are_within_three_degrees() {
         id: FRAMES[0].id.clone(),
         scan: TriangleMesh { vertices, faces: faces.collect(), ..TriangleMesh::default() },
         parameters: smplx::Parameters::default().into(),
+        unseen_parts: Vec::new(),
         notes: Vec::new(),
     };
     let camera = PinholeCamera::looking_at(centre + Vec3::new(0.7, 0.4, 2.8), centre, 0.4, [400, 600]).unwrap();

@@ -39,7 +39,8 @@ fn tetrahedron() -> TriangleMesh {
 
 fn frame(split: &str, sequence: &str, number: u32) -> ScanFrame {
     let id = FrameId { split: split.into(), sequence: sequence.into(), number };
-    ScanFrame { id, scan: tetrahedron(), parameters: parameters(number as f32).into(), notes: Vec::new() }
+    let parameters = parameters(number as f32).into();
+    ScanFrame { id, scan: tetrahedron(), parameters, unseen_parts: Vec::new(), notes: Vec::new() }
 }
 
 /// A subject of three frames, preprocessed.

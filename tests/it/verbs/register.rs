@@ -4,8 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
-use xavatar::data::{Split, Subject, read_frame};
+use xavatar::data::{FrameId, Split, Subject, read_frame};
 use xavatar::mesh::write_obj;
+use xavatar::register::landmarks::{LANDMARKS_FILE, LandmarkFiles};
 use xavatar::synthetic::BuiltInSubject;
 
 use super::tool::{assert_outcome, data, text};
@@ -97,6 +98,17 @@ fn bare_scans_with_landmarks_become_data_to_train_on() {
     let errors = errors(&out);
     assert!(errors.iter().all(|error| *error < 8.0), "{errors:?}");
     assert_outcome(&["check", text(&out), "--body", body], 0, &["X-Humans", "ready to train"]);
+    let id = FrameId { split: "train".into(), sequence: "Take1".into(), number: 2 };
+    let points = |path: &Path| {
+        let mut points = LandmarkFiles::read(path).unwrap().of_frame(&id, 1, FRAMES).unwrap();
+        points.sort_by(|one, other| one.0.cmp(&other.0));
+        points
+    };
+    assert_eq!(
+        points(&out.join(LANDMARKS_FILE)),
+        points(&landmarks),
+        "what was given can be corrected and given again"
+    );
     assert_outcome(&register, 1, &["not empty", "--resume"]);
 
     // Stopped after shape and one frame were known, and gone on with by one thread: the same bytes.
@@ -149,4 +161,15 @@ fn what_cannot_be_registered_is_named() {
         1,
         &["a scan (.ply"],
     );
+}
+
+#[test]
+fn a_package_without_networks_is_refused_and_the_version_that_has_them_named() {
+    let (folder, scans, _) = scans();
+    let (_, body) = data();
+    let package = folder.path().join("mediapipe-1.2.3");
+    fs::create_dir(&package).unwrap();
+    let out = folder.path().join("data");
+    let register = ["register", text(&scans), "--body", body, "--models", text(&package), "--out", text(&out)];
+    assert_outcome(&register, 1, &["pose_landmark_full.tflite", "mediapipe==0.10.14"]);
 }

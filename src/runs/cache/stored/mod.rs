@@ -141,7 +141,8 @@ mod tests {
             normals: Some(vec![Vec3::Z; 3]),
             colouring: Colouring::Texture { uvs: vec![Vec2::new(0.25, 0.5); 3], image: Arc::new(image) },
         };
-        let frame = ScanFrame { id: id(), scan, parameters: parameters(), notes: Vec::new() };
+        let unseen_parts = vec!["left_hand".to_owned()];
+        let frame = ScanFrame { id: id(), scan, parameters: parameters(), unseen_parts, notes: Vec::new() };
         let Capture::Scan(read) = read_back(&Capture::Scan(Box::new(frame.clone()))) else { panic!("not a scan") };
         assert_eq!(format!("{read:?}"), format!("{frame:?}"));
     }

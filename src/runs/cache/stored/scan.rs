@@ -10,6 +10,9 @@ use crate::data::{FrameId, ScanFrame};
 use crate::formats::{Array, ArrayData, ArrayMap, Result};
 use crate::mesh::{Colouring, TriangleMesh};
 
+/// Names of parts that the scan does not show, a line each; absent if it shows all.
+const UNSEEN: &str = "unseen_parts";
+
 pub(super) fn to_arrays(frame: &ScanFrame) -> ArrayMap {
     let scan = &frame.scan;
     let faces = scan.faces.iter().flatten().map(|index| i64::from(*index)).collect();
@@ -17,6 +20,9 @@ pub(super) fn to_arrays(frame: &ScanFrame) -> ArrayMap {
         ("vertices".to_owned(), rows(scan.vertices.iter().copied())),
         ("faces".to_owned(), Array { shape: vec![scan.faces.len(), 3], data: ArrayData::I64(faces) }),
     ]);
+    if !frame.unseen_parts.is_empty() {
+        arrays.insert(UNSEEN.to_owned(), Array::from_text(frame.unseen_parts.join("\n")));
+    }
     if let Some(normals) = &scan.normals {
         arrays.insert("normals".to_owned(), rows(normals.iter().copied()));
     }
@@ -49,5 +55,7 @@ pub(super) fn of(stored: &Stored, id: FrameId, parameters: BodyParameters) -> Re
     let normals = stored.has("normals").then(|| stored.points("normals")).transpose()?;
     let scan = TriangleMesh { vertices, faces: faces.as_chunks().0.to_vec(), normals, colouring };
     scan.check()?;
-    Ok(ScanFrame { id, scan, parameters, notes: Vec::new() })
+    let unseen = stored.arrays.get(UNSEEN).and_then(Array::text);
+    let unseen_parts = unseen.into_iter().flat_map(str::lines).map(str::to_owned).collect();
+    Ok(ScanFrame { id, scan, parameters, unseen_parts, notes: Vec::new() })
 }

@@ -61,10 +61,12 @@ impl Supervision for ScanSupervision<'_> {
 
 impl<'a> ScanSupervision<'a> {
     pub fn new(frame: ScanFrame, body: RegisteredBody<'a>, config: &Config) -> Result<Self> {
-        let ScanFrame { mut scan, parameters, .. } = frame;
+        let ScanFrame { mut scan, parameters, unseen_parts, .. } = frame;
         scan.vertices.iter_mut().for_each(|vertex| *vertex -= parameters.translation());
         let RegisteredBody { mesh, skeleton, labels, registration } = body;
         let regions = regions(&scan, &mesh, skeleton, labels, &registration, &config.sampling)?;
+        let is_seen = |region: &Region| !unseen_parts.contains(&skeleton.parts[region.part.index()].name);
+        let regions = regions.into_iter().filter(is_seen).collect();
         let (scan, body) = (Surface::new(scan)?, Surface::new(mesh)?);
         let depth = |face: u32| {
             let centre = scan.mesh.corners(face).into_iter().sum::<Vec3>() / 3.0;
@@ -134,4 +136,34 @@ fn regions(
         Ok(Region { source, part, share, sampler: SurfaceSampler::new(mesh, Some(&faces))? })
     };
     wanted.map(region).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+    use crate::data::{Capture, Split};
+    use crate::synthetic::BuiltInSubject;
+    use crate::train::supervision::PreparedFrame;
+
+    /// Points drawn of the left and the right hand.
+    fn points_of_hands(unseen: &[&str]) -> [usize; 2] {
+        let subject = BuiltInSubject::new().unwrap();
+        let config = Config::preset("fast").unwrap();
+        let mut frame = subject.frame(Split::Train, 0, 4).unwrap();
+        frame.unseen_parts = unseen.iter().map(|name| name.to_string()).collect();
+        let capture = Capture::Scan(Box::new(frame));
+        let prepared = PreparedFrame::new(capture, subject.model(), subject.part_labels(), &config).unwrap();
+        let samples = prepared.supervision.draw(&config, &mut ChaCha8Rng::seed_from_u64(1));
+        let hands = ["left_hand", "right_hand"].map(|name| subject.model().skeleton().part_named(name).unwrap());
+        hands.map(|hand| samples.on_labels.iter().filter(|label| usize::from(**label) == hand.index()).count())
+    }
+
+    #[test]
+    fn nothing_is_drawn_of_a_hand_that_the_scan_does_not_show() {
+        let [left, right] = points_of_hands(&[]);
+        assert!(left > 0 && right > 0);
+        assert_eq!(points_of_hands(&["left_hand"]), [0, right]);
+    }
 }
