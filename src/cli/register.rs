@@ -132,10 +132,8 @@ impl Register {
 /// are; none if the registration was stopped.
 pub fn registered_first(data: &Path, body: &Path, run: &Path) -> anyhow::Result<Option<PathBuf>> {
     const LANDMARKS: &str = "landmarks.json";
-    let has_bodies =
-        |subject: &Subject| subject.train.iter().chain(&subject.test).any(|files| files.parameters.path().is_some());
     let scans = match Subject::open(data) {
-        Ok(subject) if has_bodies(&subject) => return Ok(Some(data.into())),
+        Ok(subject) if subject.has_bodies() => return Ok(Some(data.into())),
         _ => Scans::open(data, &[]),
     };
     // What is wrong with data that are no scans either is for the one who opens them to say.
