@@ -102,8 +102,9 @@ pub fn built_in_body(avatar: &Avatar) -> anyhow::Result<Option<(BodyModel, PartL
     /// Joints closer than this are the same, metres.
     const SAME_JOINT: f32 = 1e-4;
     let subject = BuiltInSubject::new()?;
-    let joints = subject.model().canonical_joints(&avatar.subject.betas)?;
+    let Ok(model) = subject.model().in_canonical_pose_of(&avatar.subject.skeleton) else { return Ok(None) };
+    let joints = model.canonical_joints(&avatar.subject.betas)?;
     let is_same = joints.len() == avatar.subject.joints.len()
         && joints.iter().zip(&avatar.subject.joints).all(|(joint, own)| joint.distance(*own) < SAME_JOINT);
-    Ok(is_same.then(|| (subject.model().clone(), subject.part_labels().clone())))
+    Ok(is_same.then(|| (model, subject.part_labels().clone())))
 }
