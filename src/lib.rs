@@ -59,6 +59,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 pub mod avatar;
+pub mod cohort;
 pub mod config;
 mod error;
 pub mod evaluate;

@@ -3,12 +3,16 @@
 use std::fs::{self, File, TryLockError};
 use std::io::{Read, Seek, Write};
 use std::path::Path;
+use std::time::Duration;
 
 use crate::atomic_file::{PARTIAL, sync_folder};
 use crate::{Error, Result};
 
 /// Held, never removed: a file that is removed can be held by two that do not see each other.
 const LOCK: &str = ".lock";
+/// How long asking who has a lock may hold it, and how often that is waited for.
+const GLANCE: Duration = Duration::from_millis(2);
+const GLANCES: usize = 25;
 
 /// Whether there is nothing of this name, or a folder in which nothing was finished: it is empty, or has what a killed process left.
 ///
@@ -60,12 +64,10 @@ impl FolderLock {
         let path = folder.join(LOCK);
         let opened = fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
         let mut file = opened.map_err(Error::io(&path))?;
-        match file.try_lock() {
+        match locked(&file) {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
-                let mut holder = String::new();
-                // Some systems let nobody read what is locked.
-                let _ = file.take(200).read_to_string(&mut holder);
+                let holder = note_in(file);
                 return Err(Error::Mismatch {
                     path: folder.into(),
                     found: format!("in use by {}", if holder.is_empty() { "another process" } else { holder.trim() }),
@@ -85,6 +87,50 @@ impl FolderLock {
         remove_partial(folder)?;
         Ok(Self { file })
     }
+
+    /// Who fills a folder now, as far as it is known; none if nobody does.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be asked.
+    #[allow(clippy::disallowed_methods, reason = "a lock of our own, by its name")]
+    pub fn holder(folder: &Path) -> Result<Option<String>> {
+        let path = folder.join(LOCK);
+        let file = match File::open(&path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            opened => opened.map_err(Error::io(&path))?,
+        };
+        match file.try_lock_shared() {
+            Err(TryLockError::WouldBlock) => {
+                let holder = note_in(file);
+                Ok(Some(if holder.is_empty() { "another process".into() } else { holder.trim().into() }))
+            }
+            Err(TryLockError::Error(error)) if error.kind() != std::io::ErrorKind::Unsupported => {
+                Err(Error::io(&path)(error))
+            }
+            _ => Ok(None),
+        }
+    }
+}
+
+/// Takes a file's lock. One without a note is somebody's who only asks who has it, and gone in a moment.
+fn locked(file: &File) -> std::result::Result<(), TryLockError> {
+    for _ in 0..GLANCES {
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) if file.metadata().is_ok_and(|found| found.len() == 0) => {
+                std::thread::sleep(GLANCE);
+            }
+            tried => return tried,
+        }
+    }
+    file.try_lock()
+}
+
+/// What the holder of a lock wrote into it.
+fn note_in(file: File) -> String {
+    let mut note = String::new();
+    // Some systems let nobody read what is locked.
+    let _ = file.take(200).read_to_string(&mut note);
+    note
 }
 
 impl Drop for FolderLock {
@@ -158,8 +204,11 @@ mod tests {
         let lock = FolderLock::take(folder.path()).unwrap();
         assert!(!folder.path().join(".partial-abc").exists());
         let message = FolderLock::take(folder.path()).unwrap_err().to_string();
-        assert!(message.contains(&format!("in use by process {} on ", std::process::id())), "{message}");
+        let process = format!("process {} on ", std::process::id());
+        assert!(message.contains(&format!("in use by {process}")), "{message}");
+        assert!(FolderLock::holder(folder.path()).unwrap().is_some_and(|holder| holder.starts_with(&process)));
         drop(lock);
+        assert_eq!(FolderLock::holder(folder.path()).unwrap(), None);
         FolderLock::take(folder.path()).unwrap();
         assert!(is_vacant(folder.path()).unwrap());
     }

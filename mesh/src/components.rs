@@ -74,7 +74,7 @@ pub fn largest_component(mesh: &TriangleMesh) -> Component {
 }
 
 /// The mesh with these faces only and the vertices they use, and which those are.
-fn with_faces(mesh: &TriangleMesh, mut faces: Vec<[u32; 3]>) -> (TriangleMesh, Vec<u32>) {
+pub(super) fn with_faces(mesh: &TriangleMesh, mut faces: Vec<[u32; 3]>) -> (TriangleMesh, Vec<u32>) {
     let mut used = vec![false; mesh.vertices.len()];
     faces.iter().flatten().for_each(|&v| used[v as usize] = true);
     let kept: Vec<u32> = (0..used.len() as u32).filter(|&v| used[v as usize]).collect();

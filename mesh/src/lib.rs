@@ -9,6 +9,7 @@ pub mod camera;
 mod closest;
 mod colours;
 mod components;
+mod decimate;
 mod draft;
 mod extract;
 mod glb;
@@ -33,6 +34,7 @@ use image::RgbImage;
 
 pub use closest::{ClosestPoint, SurfaceIndex};
 pub use components::{Component, largest_component};
+pub use decimate::{Decimated, decimated};
 pub use extract::{ExtractedSurface, ExtractionError, ExtractionGrid, FINEST_RESOLUTION, Sign, extract, extract_ball};
 pub use notes::{Loss, Note};
 pub use obj::write_obj;

@@ -10,7 +10,7 @@ use xavatar::data::{ScanFrame, Source};
 use xavatar::evaluate::{Evaluation, SmplxD};
 use xavatar::mesh::{TriangleMesh, write_ply};
 use xavatar::render::write_png;
-use xavatar::report::{Fact, REPORT_FILE, Report, machine};
+use xavatar::report::{Fact, REPORT_FILE, Report, dancing_rig, machine};
 use xavatar::runs::{Ending, Run};
 use xavatar::synthetic::{BuiltInSubject, FilmedTake, Split};
 use xavatar::synthetic::{FilmedScans, Turntable};
@@ -211,7 +211,7 @@ impl Demo {
             title: report::title(&self.out),
             command: report::command_line(),
             avatar,
-            rig: report::dancing_rig(avatar, subject.model())?.as_ref(),
+            rig: dancing_rig(avatar, subject.model())?.as_ref(),
             run: Some(&self.out),
             evaluation: Some((&measured, "in poses that were not trained on".into())),
             frames: shown,

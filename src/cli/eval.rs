@@ -8,7 +8,7 @@ use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::Pose;
 use xavatar::data::Source;
 use xavatar::evaluate::{Evaluation, SmplxD};
-use xavatar::report::{REPORT_FILE, Report, machine};
+use xavatar::report::{REPORT_FILE, Report, dancing_rig, machine};
 
 use super::inputs::{Split, SubjectArguments};
 use super::json::JsonArgument;
@@ -98,7 +98,7 @@ impl Eval {
             let mesh = predict(&opened.body.resolve(&frame.parameters)?)?;
             Ok((frame, mesh))
         })?;
-        let rig = report::dancing_rig(&avatar, &opened.body)?;
+        let rig = dancing_rig(&avatar, &opened.body)?;
         Report {
             title: report::title(&self.avatar),
             command: report::command_line(),

@@ -1,4 +1,4 @@
-//! `xavatar export`: an avatar as one file for other programs: rigged and moving, or a textured mesh.
+//! `xavatar export`: an avatar as one file for other programs and engines: rigged and moving, or a textured mesh.
 
 use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
@@ -7,7 +7,10 @@ use clap::ValueEnum;
 use serde::Serialize;
 use xavatar::avatar::{Avatar, Extraction};
 use xavatar::body::BodyModel;
-use xavatar::export::{RigReport, Rigging, TextureReport, bake_texture, ground_mesh, write_glb};
+use xavatar::export::{
+    Engine, FewerFaces, RigReport, Rigging, TextureReport, bake_texture, ground_mesh, with_fewer_faces, write_glb,
+    write_usda, write_usdz,
+};
 use xavatar::mesh::{TriangleMesh, write_obj, write_ply};
 use xavatar::synthetic::DANCE;
 
@@ -23,11 +26,16 @@ const SMALLEST_TEXTURE: u32 = 64;
 /// Of OBJ and GLB files, whose vertex colours many programs do not show.
 const USUAL_TEXTURE: u32 = 2048;
 
-/// Write an avatar for other programs: rigged and animated (GLB), or as a textured mesh (OBJ, PLY)
+/// Fewer are no figure.
+const FEWEST_FACES: usize = 200;
+
+/// Write an avatar for other programs: rigged and animated (GLB, USD), or as a textured mesh (OBJ, PLY)
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     xavatar export runs/00016 --body models/smplx --out dancer.glb\n  \
     xavatar export runs/00016 --body models/smplx --motion walk.npz --ground --out walker.glb\n  \
+    xavatar export runs/00016 --body models/smplx --for unreal --faces 20000 --out game.glb\n  \
+    xavatar export runs/00016 --body models/smplx --out dancer.usdz\n  \
     xavatar export runs/00016 --format obj --out avatar.obj\n\n\
     docs/export.md says what the files carry and how to open them.")]
 pub struct Export {
@@ -37,13 +45,13 @@ pub struct Export {
     /// What is written [default: by the name of the file]
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// The file; an OBJ gets an MTL and a PNG of the same name beside it, a textured PLY a PNG
+    /// The file; an OBJ gets an MTL and a PNG of the same name beside it, a textured PLY or USDA a PNG
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// GLB: the motion that becomes the animation clip [default: a built-in dance]
+    /// GLB, USD: the motion that becomes the animation clip [default: a built-in dance]
     #[arg(long, value_name = "MOTION")]
     motion: Option<PathBuf>,
-    /// GLB: body model file or folder, for its pose correctives and expressions; without, only what the avatar has learned
+    /// GLB, USD: body model file or folder, for its pose correctives and expressions; without, only what the avatar has learned
     #[arg(long, value_name = "BODY")]
     body: Option<PathBuf>,
     /// Cells along the longest side of the box around the body
@@ -52,12 +60,18 @@ pub struct Export {
     /// Bake the colours into a texture of this size; 0 for one colour a vertex [default: 2048, for PLY 0]
     #[arg(long, value_name = "TEXELS", value_parser = texture)]
     texture: Option<u32>,
-    /// GLB: joints that hold a vertex: 4, which every program reads, or 8
+    /// GLB, USD: joints that hold a vertex: 4, which every program reads, or 8
     #[arg(long, value_name = "K", default_value_t = 4, value_parser = influences)]
     influences: usize,
-    /// GLB: most morph targets for what skinning leaves of the motion; 0 for none
+    /// GLB, USD: most morph targets for what skinning leaves of the motion; 0 for none
     #[arg(long, value_name = "N", default_value_t = 64)]
     correctives: usize,
+    /// GLB, USD: what its skeleton is for: bones along limbs or upright, with a root (docs/export.md)
+    #[arg(long = "for", value_enum, value_name = "ENGINE")]
+    engine: Option<EngineName>,
+    /// At most so many faces, by collapsing edges; how far the surface is from what it was is printed
+    #[arg(long, value_name = "N", value_parser = faces)]
+    faces: Option<usize>,
     #[command(flatten)]
     json: JsonArgument,
     #[command(flatten)]
@@ -68,8 +82,30 @@ pub struct Export {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Format {
     Glb,
+    Usda,
+    Usdz,
     Obj,
     Ply,
+}
+
+/// An engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum EngineName {
+    Blender,
+    Unity,
+    Unreal,
+    Godot,
+}
+
+impl From<EngineName> for Engine {
+    fn from(name: EngineName) -> Self {
+        match name {
+            EngineName::Blender => Self::Blender,
+            EngineName::Unity => Self::Unity,
+            EngineName::Unreal => Self::Unreal,
+            EngineName::Godot => Self::Godot,
+        }
+    }
 }
 
 impl Export {
@@ -78,9 +114,9 @@ impl Export {
             Some(format) => format,
             None => Format::of(&self.out)?,
         };
-        if format != Format::Glb && (self.motion.is_some() || self.body.is_some()) {
+        if !format.is_rigged() && (self.motion.is_some() || self.body.is_some() || self.engine.is_some()) {
             wrong_usage!(
-                "--motion and --body are for GLB; `xavatar animate` writes a motion as one OBJ or PLY a frame"
+                "--motion, --body and --for are for GLB and USD; `xavatar animate` writes a motion as one OBJ or PLY a frame"
             );
         }
         let usual = if format == Format::Ply { 0 } else { USUAL_TEXTURE };
@@ -92,13 +128,19 @@ impl Export {
         let avatar = Avatar::load(&self.avatar)?;
         let mut progress = Progress::new();
         match format {
-            Format::Glb => self.write_rig(&avatar, texture, &mut progress)?,
+            Format::Glb | Format::Usda | Format::Usdz => self.write_rig(&avatar, format, texture, &mut progress)?,
             Format::Obj | Format::Ply => self.write_mesh(&avatar, format, texture, &mut progress)?,
         }
         Ok(Outcome::Done)
     }
 
-    fn write_rig(&self, avatar: &Avatar, texture: Option<u32>, progress: &mut Progress) -> anyhow::Result<()> {
+    fn write_rig(
+        &self,
+        avatar: &Avatar,
+        format: Format,
+        texture: Option<u32>,
+        progress: &mut Progress,
+    ) -> anyhow::Result<()> {
         let body = match &self.body {
             Some(path) => Some(BodyModel::load(path, avatar.subject.gender)?),
             None => None,
@@ -113,6 +155,17 @@ impl Export {
                 progress.show("rig", done as f64 / total as f64, &format!("{done} of {total} frames"));
             })?;
         rigged.animation.name = motion.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let fewer = match self.faces {
+            Some(faces) => {
+                let (reduced, cost) = rigged.with_fewer_faces(faces)?;
+                rigged = reduced;
+                Some(cost)
+            }
+            None => None,
+        };
+        if let Some(engine) = self.engine {
+            rigged = rigged.for_engine(engine.into());
+        }
         let baked = match texture {
             Some(size) => {
                 let (textured, report) = rigged.with_texture(avatar, size, baking(progress))?;
@@ -125,11 +178,16 @@ impl Export {
         if self.options.is_grounded() {
             rigged.ground_bind_pose();
         }
-        write_glb(&self.out, &rigged)?;
+        match format {
+            Format::Usda => write_usda(&self.out, &rigged)?,
+            Format::Usdz => write_usdz(&self.out, &rigged)?,
+            Format::Glb | Format::Obj | Format::Ply => write_glb(&self.out, &rigged)?,
+        }
         progress.finish();
         say_dropped(report.dropped_components);
         let mut exported = Exported::new(&self.out, &rigged.mesh);
         exported.rig = Some(report);
+        exported.fewer_faces = fewer;
         exported.texture = baked;
         exported.clip = Some(ClipSize {
             frames: rigged.animation.frames(),
@@ -150,6 +208,14 @@ impl Export {
     ) -> anyhow::Result<()> {
         progress.show("mesh", 0.0, "the canonical surface");
         let Extraction { mut mesh, dropped_components } = avatar.extract_unconditioned(self.resolution)?;
+        let fewer = match self.faces {
+            Some(faces) => {
+                let (reduced, cost) = with_fewer_faces(&mesh, faces)?;
+                mesh = reduced.mesh;
+                Some(cost)
+            }
+            None => None,
+        };
         let baked = match texture {
             Some(size) => {
                 let baked = bake_texture(avatar, &mesh, size, baking(progress))?;
@@ -163,11 +229,11 @@ impl Export {
         }
         match format {
             Format::Obj => write_obj(&self.out, &mesh)?,
-            Format::Ply | Format::Glb => write_ply(&self.out, &mesh)?,
+            Format::Ply | Format::Glb | Format::Usda | Format::Usdz => write_ply(&self.out, &mesh)?,
         }
         progress.finish();
         say_dropped(dropped_components);
-        let exported = Exported { texture: baked, ..Exported::new(&self.out, &mesh) };
+        let exported = Exported { texture: baked, fewer_faces: fewer, ..Exported::new(&self.out, &mesh) };
         self.json.print(&exported, &exported)
     }
 }
@@ -178,14 +244,19 @@ impl Format {
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
         match Self::from_str(extension, true) {
             Ok(format) => Ok(format),
-            Err(_) => wrong_usage!("{}: name it .glb, .obj or .ply, or give --format", path.display()),
+            Err(_) => wrong_usage!("{}: name it .glb, .usdz, .usda, .obj or .ply, or give --format", path.display()),
         }
+    }
+
+    /// Whether it carries a skeleton and a motion.
+    fn is_rigged(self) -> bool {
+        matches!(self, Self::Glb | Self::Usda | Self::Usdz)
     }
 
     /// All that is written.
     fn files(self, out: &Path, is_textured: bool) -> Vec<PathBuf> {
         let mut files = vec![out.to_path_buf()];
-        if is_textured && self != Self::Glb {
+        if is_textured && !matches!(self, Self::Glb | Self::Usdz) {
             files.push(out.with_extension("png"));
         }
         if is_textured && self == Self::Obj {
@@ -203,6 +274,7 @@ struct Exported {
     faces: usize,
     clip: Option<ClipSize>,
     rig: Option<RigReport>,
+    fewer_faces: Option<FewerFaces>,
     texture: Option<TextureReport>,
 }
 
@@ -218,7 +290,7 @@ struct ClipSize {
 impl Exported {
     fn new(file: &Path, mesh: &TriangleMesh) -> Self {
         let (vertices, faces) = (mesh.vertices.len(), mesh.faces.len());
-        Self { file: file.to_path_buf(), vertices, faces, clip: None, rig: None, texture: None }
+        Self { file: file.to_path_buf(), vertices, faces, clip: None, rig: None, fewer_faces: None, texture: None }
     }
 }
 
@@ -231,6 +303,9 @@ impl Display for Exported {
         }
         if let Some(rig) = &self.rig {
             writeln!(formatter, "{rig}")?;
+        }
+        if let Some(fewer) = &self.fewer_faces {
+            writeln!(formatter, "{fewer}")?;
         }
         if let Some(texture) = &self.texture {
             writeln!(formatter, "{texture}")?;
@@ -252,6 +327,10 @@ fn say_dropped(components: usize) {
 
 fn influences(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|count| [4, 8].contains(count)).ok_or_else(|| "expected 4 or 8".into())
+}
+
+fn faces(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|faces| *faces >= FEWEST_FACES).ok_or_else(|| format!("expected {FEWEST_FACES} or more"))
 }
 
 fn texture(text: &str) -> Result<u32, String> {

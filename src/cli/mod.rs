@@ -8,6 +8,7 @@
 
 mod ablate;
 mod animate;
+mod batch;
 mod body;
 mod captured;
 mod check;
@@ -39,6 +40,7 @@ mod stop;
 mod train;
 mod training;
 mod view;
+mod watched;
 
 use std::borrow::Cow;
 use std::process::ExitCode;
@@ -75,6 +77,7 @@ enum Verb {
     Register(register::Register),
     Train(train::Train),
     Eval(eval::Eval),
+    Batch(batch::Batch),
     Ablate(ablate::Ablate),
     Fuse(fuse::Fuse),
     Extract(extract::Extract),
@@ -180,6 +183,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Register(verb) => verb.run(),
         Verb::Train(verb) => verb.run(),
         Verb::Eval(verb) => verb.run(),
+        Verb::Batch(verb) => verb.run(),
         Verb::Ablate(verb) => verb.run(),
         Verb::Fuse(verb) => verb.run(),
         Verb::Extract(verb) => verb.run(),

@@ -99,7 +99,7 @@ impl Observer for Progress {
             Event::Measured { done, total, frame } => {
                 self.show("measuring", share(done as u64, total as u64), frame);
             }
-            Event::Checkpoint { .. } => {}
+            Event::Checkpoint { .. } | Event::Avatar { .. } => {}
             Event::Preview { path } => log::info!("preview: {}", path.display()),
             Event::Warning { message } => log::warn!("{message}"),
         }

@@ -153,10 +153,8 @@ pub fn registered_first(
     run: &Path,
     models: Option<PathBuf>,
 ) -> anyhow::Result<Option<PathBuf>> {
-    let has_bodies =
-        |subject: &Subject| subject.train.iter().chain(&subject.test).any(|files| files.parameters.path().is_some());
     let scans = match Subject::open(data) {
-        Ok(subject) if has_bodies(&subject) => return Ok(Some(data.into())),
+        Ok(subject) if subject.has_bodies() => return Ok(Some(data.into())),
         _ => Scans::open(data, &[]),
     };
     // What is wrong with data that are no scans either is for the one who opens them to say.

@@ -2,45 +2,14 @@
 
 use std::path::Path;
 
-use xavatar::Error;
 use xavatar::avatar::Avatar;
-use xavatar::body::{BodyModel, PartLabels, Pose, smplx};
+use xavatar::body::{BodyModel, PartLabels};
 use xavatar::data::ScanFrame;
 use xavatar::evaluate;
-use xavatar::export::{RiggedMesh, Rigging};
 use xavatar::mesh::TriangleMesh;
 use xavatar::report::{Fact, ShownFrame, closeup};
-use xavatar::synthetic::dance;
 
 use super::inputs::SubjectArguments;
-
-/// Cells along the body of the viewer's mesh: about 40,000 vertices, a few megabytes of page.
-const RIG_RESOLUTION: usize = 224;
-/// What the viewer's shader knows.
-const RIG_INFLUENCES: usize = 4;
-
-/// The avatar with the built-in dance for a report, in its canonical pose if its skeleton cannot dance; none if it was trained so little that it has no surface.
-pub fn dancing_rig(avatar: &Avatar, body: &BodyModel) -> xavatar::Result<Option<RiggedMesh>> {
-    let clip = dance();
-    let subject = &avatar.subject;
-    let poses = match smplx::skeleton().corresponds_to(&subject.skeleton) {
-        true => clip.onto(&subject.skeleton, Some(body))?.poses,
-        false => vec![subject.skeleton.canonical_pose(&subject.betas)],
-    };
-    match rig(avatar, Some(body), &poses, clip.frames_per_second) {
-        Err(Error::NoSurface { .. }) => {
-            log::warn!("the avatar has no surface yet, so the report cannot show it; train longer");
-            Ok(None)
-        }
-        rigged => rigged.map(Some),
-    }
-}
-
-/// The avatar for the page's viewer, with a motion.
-pub fn rig(avatar: &Avatar, body: Option<&BodyModel>, poses: &[Pose], rate: f32) -> xavatar::Result<RiggedMesh> {
-    let rigging = Rigging { resolution: RIG_RESOLUTION, influences: RIG_INFLUENCES, correctives: 0 };
-    Ok(rigging.rig(avatar, body, poses, rate, |_, _| {})?.0)
-}
 
 /// The frames with the smallest and the largest error, as `frame` gives them: the scan and the avatar's mesh.
 pub fn best_and_worst(

@@ -1,4 +1,4 @@
-//! Ctrl-C, or a polite kill: the first asks the work to stop at the next good place, the second ends the process at once.
+//! Ctrl-C, a polite kill, or a scheduler's notice: the first asks the work to stop at the next good place, the second ends the process at once.
 //!
 //! Training steps are waited for and saved. Whatever else is under way, frames being prepared, meshes measured or drawn, has nothing to
 //! lose but its time: it ends with the process after [`PATIENCE`]. What is in files by then is whole, as after any other end.
@@ -18,14 +18,28 @@ pub fn on_interrupt() -> anyhow::Result<&'static AtomicBool> {
     if IS_WATCHED.swap(true, Ordering::SeqCst) {
         return Ok(&STOP);
     }
-    ctrlc::set_handler(|| {
-        if STOP.swap(true, Ordering::SeqCst) {
-            std::process::exit(super::EXIT_FAILED.into());
-        }
-        log::info!("\nstopping at the next good place; once more to end at once and lose what was not saved yet");
-        std::thread::spawn(end_unless_training);
-    })?;
+    ctrlc::set_handler(ask)?;
+    #[cfg(unix)]
+    on_notice()?;
     Ok(&STOP)
+}
+
+/// USR1, with which schedulers say that the time is nearly up.
+#[cfg(unix)]
+fn on_notice() -> std::io::Result<()> {
+    use signal_hook::consts::SIGUSR1;
+    use signal_hook::iterator::Signals;
+    let mut notices = Signals::new([SIGUSR1])?;
+    std::thread::spawn(move || notices.forever().for_each(|_| ask()));
+    Ok(())
+}
+
+fn ask() {
+    if STOP.swap(true, Ordering::SeqCst) {
+        std::process::exit(super::EXIT_FAILED.into());
+    }
+    log::info!("\nstopping at the next good place; once more to end at once and lose what was not saved yet");
+    std::thread::spawn(end_unless_training);
 }
 
 /// Says whether training steps are under way, which are worth waiting for.

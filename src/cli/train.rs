@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use xavatar::avatar::Avatar;
 use xavatar::config::Config;
-use xavatar::report::{REPORT_FILE, Report, machine};
+use xavatar::report::{REPORT_FILE, Report, dancing_rig, machine};
 use xavatar::runs::{Ending, Run};
 
 use super::captured::{Captured, Kind};
@@ -13,7 +13,7 @@ use super::inputs::{AcceptArguments, SubjectArguments};
 use super::progress::Progress;
 use super::register::registered_first;
 use super::training::TrainingArguments;
-use super::{Outcome, WrongUsage, outputs, report, stop, wrong_usage};
+use super::{Outcome, WrongUsage, outputs, report, stop, watched, wrong_usage};
 
 /// Train an avatar from a subject's scans, or from the pictures of an RGB-D camera
 #[derive(clap::Args)]
@@ -21,6 +21,7 @@ use super::{Outcome, WrongUsage, outputs, report, stop, wrong_usage};
     xavatar train data/00016 --body models/smplx --out runs/00016 --minutes 30\n  \
     xavatar train data/00016 --body models/smplx --out runs/00016 --resume\n  \
     xavatar train data/00016 --body models/smplx --from rgbd --out runs/rgbd --minutes 10\n  \
+    xavatar train data/00016 --body models/smplx --out runs/00016 --view\n  \
     xavatar train data/00016 --body models/smplx --out runs/slow --set optimiser.learning_rate=3e-4\n\n\
     Ctrl-C stops after the step, saves, and says how to go on.")]
 pub struct Train {
@@ -39,6 +40,9 @@ pub struct Train {
     training: TrainingArguments,
     #[command(flatten)]
     accepted: AcceptArguments,
+    /// Serve a page with losses, previews and the avatar as it is, to this machine, while training goes on [default port: 8383]
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "8383")]
+    view: Option<u16>,
     /// Go on with the run in RUN from its newest checkpoint
     #[arg(long)]
     resume: bool,
@@ -66,7 +70,10 @@ impl Train {
         log::info!("part labels: {}", opened.labels.source);
         let source = opened.checked(&self.accepted);
         let run = Run::open(&self.out, opened.spec(&config, &source))?;
-        let ending = run.train(stop, &mut progress)?;
+        let ending = match self.view {
+            Some(port) => watched::train(&run, &opened.body, port, stop, &mut progress)?,
+            None => run.train(stop, &mut progress)?,
+        };
         progress.finish();
         let (data, body, out) = (self.subject.data.display(), self.subject.body.display(), self.out.display());
         if ending == Ending::Stopped {
@@ -87,7 +94,7 @@ impl Train {
 
     fn write_report(&self, avatar: &Avatar, opened: &Captured) -> anyhow::Result<PathBuf> {
         let path = self.out.join(REPORT_FILE);
-        let rig = report::dancing_rig(avatar, &opened.body)?;
+        let rig = dancing_rig(avatar, &opened.body)?;
         Report {
             title: report::title(&self.out),
             command: report::command_line(),

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use xavatar::avatar::{Animator, Avatar};
+use xavatar::report::viewer_rig;
 use xavatar::view::{Server, Site};
 
 use super::inputs::{built_in_body, load_body};
@@ -50,7 +51,7 @@ impl View {
         // A port that is taken is known before the work.
         let server = Server::bind(&self.host, self.port)?;
         log::info!("preparing the avatar");
-        let rig = report::rig(&avatar, of_body, &clip.poses, clip.frames_per_second)?;
+        let rig = viewer_rig(&avatar, of_body, &clip.poses, clip.frames_per_second)?;
         let animator = match &body {
             Some((body, labels)) => Some(Animator::new(&avatar, body, labels)?),
             None => None,

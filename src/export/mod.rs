@@ -6,7 +6,9 @@
 
 mod bake;
 mod correctives;
+mod engine;
 mod expressions;
+mod fewer_faces;
 mod glb;
 mod ground;
 mod influences;
@@ -16,10 +18,14 @@ mod rig;
 mod rigging;
 mod skeleton;
 mod unwrap;
+mod usd;
 
 pub use bake::{Baked, TextureReport, bake_texture};
+pub use engine::{BoneAxis, Engine};
+pub use fewer_faces::{FewerFaces, with_fewer_faces};
 pub use glb::write_glb;
 pub use ground::{ground_mesh, ground_motion};
 pub use report::{Deviation, RigReport};
 pub use rig::{Animation, Joint, Morph, RiggedMesh};
 pub use rigging::Rigging;
+pub use usd::{write_usda, write_usdz};

@@ -37,6 +37,8 @@ pub struct RiggedMesh {
     pub morphs: Vec<Morph>,
     /// The animation.
     pub animation: Animation,
+    /// The name of a node at the origin above the skeleton, for programs that move the figure by it.
+    pub root: Option<String>,
 }
 
 /// A joint of the skeleton.

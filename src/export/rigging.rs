@@ -203,6 +203,7 @@ impl Builder {
             skin_weights: self.influences.weights.clone(),
             morphs: self.morphs.clone(),
             animation,
+            root: None,
         }
     }
 }

@@ -91,6 +91,7 @@ impl RiggedMesh {
             parts: self.parts,
             influences: self.influences,
             animation: self.animation,
+            root: self.root,
         }
     }
 }

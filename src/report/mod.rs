@@ -5,6 +5,7 @@
 
 mod chart;
 mod closeup;
+mod dancing;
 mod figure;
 mod machine;
 mod metrics;
@@ -22,9 +23,12 @@ use glam::Vec3;
 use image::RgbImage;
 
 pub use closeup::closeup;
+pub(crate) use dancing::quick_dancing_rig;
+pub use dancing::{danced_poses, dancing_rig, viewer_rig};
 pub use figure::LineFigure;
 pub use machine::machine;
 pub use page::Fact;
+pub(crate) use page::index_page;
 pub use part_colours::{part_colour, part_colours, part_names};
 pub use registration::{REGISTRATION_PAGE, write_registration_page};
 

@@ -23,7 +23,8 @@ const SCRIPT: [&str; 7] = [
     include_str!("../../assets/report/viewer/live.js"),
 ];
 const START: &str = include_str!("../../assets/report/viewer/main.js");
-const TEMPLATES: [(&str, &str); 5] = [
+const TEMPLATES: [(&str, &str); 6] = [
+    ("index.html", include_str!("../../assets/report/index.html")),
     ("report.html", include_str!("../../assets/report/report.html")),
     ("view.html", include_str!("../../assets/report/view.html")),
     ("viewer.html", include_str!("../../assets/report/viewer.html")),
@@ -147,6 +148,21 @@ fn filled(name: &'static str, page: &impl Serialize, nonce: &str) -> Result<Stri
         policy: policy(nonce, "'none'"),
     };
     template(name, filled)
+}
+
+/// The index of many avatars, which leads to their pages: a page without a script, of the values that `assets/report/index.html` takes.
+///
+/// # Errors
+/// [`InputError::Value`] if the values do not fit.
+pub(crate) fn index_page(values: &impl Serialize) -> Result<String> {
+    #[derive(Serialize)]
+    struct Index<'a, T> {
+        #[serde(flatten)]
+        page: &'a T,
+        version: &'static str,
+        style: &'static str,
+    }
+    template("index.html", Index { page: values, version: env!("CARGO_PKG_VERSION"), style: STYLE })
 }
 
 /// The template of that name, filled in.

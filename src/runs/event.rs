@@ -2,12 +2,18 @@
 
 use std::path::Path;
 
+use crate::avatar::Avatar;
 use crate::train::StepRecord;
 
 /// Whoever watches a run.
 pub trait Observer {
     /// Is told what happened.
     fn event(&mut self, event: Event<'_>);
+
+    /// Whether it would have the avatar as it is now, for which the training waits some milliseconds. Asked after each step on frames.
+    fn wants_avatar(&mut self) -> bool {
+        false
+    }
 }
 
 /// A closure that takes events; `|_: Event<'_>| {}` watches nothing.
@@ -43,6 +49,11 @@ pub enum Event<'a> {
     Preview {
         /// Where.
         path: &'a Path,
+    },
+    /// The avatar as it is now, for an observer that wants it.
+    Avatar {
+        /// It.
+        avatar: Box<Avatar>,
     },
     /// A frame was measured.
     Measured {

@@ -173,6 +173,11 @@ impl Session<'_, '_> {
             if stage == Stage::Frames && every > 0 && steps.is_multiple_of(every) {
                 self.preview()?;
             }
+            if stage == Stage::Frames && self.observer.wants_avatar() {
+                self.settle()?;
+                let avatar = Box::new(self.avatar()?);
+                self.observer.event(Event::Avatar { avatar });
+            }
         }
         self.checkpoint()?;
         self.avatar()?.save(&self.run.folder.join(Avatar::FILE))?;

@@ -12,6 +12,7 @@ mod origin;
 mod pose_request;
 mod server;
 mod site;
+mod training;
 mod waiting;
 
 pub use http::{Request, Response, Status};
@@ -19,3 +20,4 @@ pub use mesh_message::decode_mesh;
 pub use pose_request::PoseRequest;
 pub use server::{Answer, Server, Stop};
 pub use site::{LARGEST_RESOLUTION, Site};
+pub use training::TrainingSite;

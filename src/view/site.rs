@@ -98,7 +98,7 @@ impl Answer for Site<'_> {
     }
 }
 
-fn not_allowed(methods: &str) -> Response {
+pub(super) fn not_allowed(methods: &str) -> Response {
     let mut response = Response::text(Status::MethodNotAllowed, format_args!("expected {methods}"));
     response.fields.push(("Allow", methods.into()));
     response

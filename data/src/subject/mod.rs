@@ -186,6 +186,11 @@ impl Subject {
         ScanFrames::new(self, self.files(split))
     }
 
+    /// Whether any frame has a registered body.
+    pub fn has_bodies(&self) -> bool {
+        self.train.iter().chain(&self.test).any(|files| files.parameters.path().is_some())
+    }
+
     /// Whether any frame has a scan.
     #[must_use]
     pub fn has_scans(&self) -> bool {

@@ -45,7 +45,7 @@ pub fn write_glb(path: impl AsRef<Path>, rigged: &RiggedMesh) -> Result<()> {
     let mut document = json!({
         "asset": { "version": "2.0", "generator": concat!("xavatar ", env!("CARGO_PKG_VERSION")) },
         "scene": 0,
-        "scenes": [{ "nodes": [MESH_NODE, joint_node(0)] }],
+        "scenes": [{ "nodes": [MESH_NODE, top_node(rigged)] }],
         "nodes": nodes(rigged),
         "meshes": [mesh(rigged, &targets, &mut buffer)],
         "skins": [skin(rigged, &mut buffer)],
@@ -89,6 +89,14 @@ fn write_chunk(writer: &mut impl Write, kind: &[u8; 4], bytes: &[u8]) -> io::Res
     writer.write_all(bytes)
 }
 
+/// The node that the skeleton hangs on: its root, or the one above, which is the last.
+fn top_node(rigged: &RiggedMesh) -> usize {
+    match rigged.root {
+        Some(_) => joint_node(rigged.joints.len()),
+        None => joint_node(0),
+    }
+}
+
 fn joint_node(joint: usize) -> usize {
     MESH_NODE + 1 + joint
 }
@@ -105,6 +113,9 @@ fn nodes(rigged: &RiggedMesh) -> Vec<Value> {
             node["children"] = children.into();
         }
         nodes.push(node);
+    }
+    if let Some(root) = &rigged.root {
+        nodes.push(json!({ "name": root, "children": [joint_node(0)] }));
     }
     nodes
 }
@@ -151,7 +162,7 @@ fn mesh(rigged: &RiggedMesh, targets: &Targets, buffer: &mut Buffer) -> Value {
 fn skin(rigged: &RiggedMesh, buffer: &mut Buffer) -> Value {
     let matrices = rigged.joints.iter().map(|joint| Mat4::from(joint.inverse_bind).to_cols_array());
     let joints: Vec<usize> = (0..rigged.joints.len()).map(joint_node).collect();
-    json!({ "inverseBindMatrices": buffer.matrices(matrices), "joints": joints, "skeleton": joint_node(0) })
+    json!({ "inverseBindMatrices": buffer.matrices(matrices), "joints": joints, "skeleton": top_node(rigged) })
 }
 
 fn animation(rigged: &RiggedMesh, targets: &Targets, buffer: &mut Buffer) -> Value {

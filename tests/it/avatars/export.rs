@@ -16,11 +16,11 @@ use xavatar_network::Trace;
 
 use super::untrained::{small_networks, subject};
 
-const RIGGING: Rigging = Rigging { resolution: 40, influences: 8, correctives: 40 };
-const RATE: f32 = 25.0;
+pub(super) const RIGGING: Rigging = Rigging { resolution: 40, influences: 8, correctives: 40 };
+pub(super) const RATE: f32 = 25.0;
 
 /// Geometry and colour that nothing was trained of: a ball. `grid`: skinned as the body is, with its offsets; else by chance.
-fn avatar(grid: bool) -> Avatar {
+pub(super) fn avatar(grid: bool) -> Avatar {
     let mut config = small_networks();
     let (body, betas) = (subject().model(), subject().betas());
     // Larger than the ball, so that its surface is not cut off, even where a test makes it uneven.
@@ -40,7 +40,7 @@ fn avatar(grid: bool) -> Avatar {
     Avatar { fields, config, subject, steps: 0 }
 }
 
-fn take(frames: usize) -> Vec<Pose> {
+pub(super) fn take(frames: usize) -> Vec<Pose> {
     let pose = |frame| subject().model().resolve(&subject().parameters(Split::Test, frame, frames).unwrap().into());
     (0..frames).map(|frame| pose(frame).unwrap()).collect()
 }

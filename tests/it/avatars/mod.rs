@@ -2,6 +2,7 @@
 
 mod animation;
 mod canonical_grid;
+mod engines;
 mod evaluation;
 mod export;
 mod mannequin;

@@ -1,5 +1,6 @@
 //! Whole verbs, run as a user runs them.
 
+mod batch;
 mod body;
 mod check;
 mod cli;

@@ -12,7 +12,7 @@ use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::{Pose, PoseAxisAngle, smplx};
 use xavatar::export::{RiggedMesh, Rigging};
 use xavatar::synthetic::dance;
-use xavatar::view::{Answer, Request, Response, Server, Site, Status, decode_mesh};
+use xavatar::view::{Answer, Request, Response, Server, Site, Status, TrainingSite, decode_mesh};
 
 use crate::avatars::untrained::{self, subject};
 
@@ -406,5 +406,41 @@ fn two_hundred_malformed_requests_get_a_4xx_and_cost_no_memory() {
         }
         let received = exchange(address, &post(br#"{"pose": {}, "resolution": 16}"#, JSON));
         assert_eq!(status(&received), 200, "alive, and still posing");
+    });
+}
+
+// As `train --view` does: nothing is made before somebody asks, and then of the avatar as it is.
+#[test]
+fn a_trainings_page_is_made_when_somebody_asks() {
+    let run = tempfile::tempdir().unwrap();
+    let site = TrainingSite::new(run.path(), subject().model(), "a run".into(), "xavatar train".into());
+    let get = |address| {
+        let received = exchange(address, b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n");
+        assert_eq!(status(&received), 200);
+        let (head, body) = head_and_body(&received);
+        (head.to_lowercase(), String::from_utf8(body.to_vec()).unwrap())
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| site.make_pages());
+        serving(&site, |address| {
+            std::thread::sleep(Duration::from_millis(300));
+            assert!(!site.wants_avatar(), "nobody has asked");
+            let (head, body) = get(address);
+            assert!(head.contains("refresh: 2") && body.contains("first page"), "{head}{body}");
+            while !site.wants_avatar() {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            assert!(!site.wants_avatar(), "one avatar is enough");
+            site.give(untrained().clone());
+            let page = loop {
+                let (head, body) = get(address);
+                if !head.contains("refresh") {
+                    break body;
+                }
+                std::thread::sleep(Duration::from_millis(20));
+            };
+            assert!(page.contains("<title>a run</title>") && page.contains("data-viewer=\"canvas\""));
+        });
+        site.end();
     });
 }
