@@ -5,6 +5,7 @@
 
 use std::fmt;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
@@ -168,6 +169,7 @@ impl BodyModel {
     pub fn assemble(path: &Path, anatomy: Anatomy) -> Result<Self> {
         anatomy.check()?;
         let influences = Influences::of(&anatomy.skinning_weights, anatomy.skeleton.joints.len());
-        Ok(Self { path: path.to_path_buf(), anatomy, influences })
+        let skeleton = anatomy.skeleton.clone();
+        Ok(Self { path: path.to_path_buf(), anatomy: Arc::new(anatomy), influences: Arc::new(influences), skeleton })
     }
 }

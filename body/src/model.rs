@@ -3,6 +3,7 @@
 //! Any family's: [`families`](super::families) recognises and reads files. V vertices, J joints; metres.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -22,12 +23,14 @@ pub enum Coefficients {
     All,
 }
 
-/// A body model. [`pose`](Self::pose) turns a [`Pose`](super::Pose) into a body.
+/// A body model. [`pose`](Self::pose) turns a [`Pose`](super::Pose) into a body. Clones share what is large.
 #[derive(Clone, Debug)]
 pub struct BodyModel {
     pub(super) path: PathBuf,
-    pub(super) anatomy: Anatomy,
-    pub(super) influences: Influences,
+    pub(super) anatomy: Arc<Anatomy>,
+    pub(super) influences: Arc<Influences>,
+    /// The anatomy's, perhaps with another canonical pose.
+    pub(super) skeleton: Skeleton,
 }
 
 impl BodyModel {
@@ -92,6 +95,16 @@ impl BodyModel {
         &self.path
     }
 
+    /// The same body in the canonical pose of a skeleton that is otherwise its own.
+    ///
+    /// # Errors
+    /// As [`Skeleton::require`].
+    pub fn in_canonical_pose_of(&self, skeleton: &Skeleton) -> Result<Self> {
+        skeleton.require(self.skeleton(), "the body model")?;
+        let canonical = skeleton.canonical.clone();
+        Ok(Self { skeleton: Skeleton { canonical, ..self.skeleton.clone() }, ..self.clone() })
+    }
+
     /// What the model is made of.
     pub fn anatomy(&self) -> &Anatomy {
         &self.anatomy
@@ -99,7 +112,7 @@ impl BodyModel {
 
     /// The joints, parts and canonical pose.
     pub fn skeleton(&self) -> &Skeleton {
-        &self.anatomy.skeleton
+        &self.skeleton
     }
 
     /// V.

@@ -159,6 +159,17 @@ impl Skeleton {
         Ok(pose)
     }
 
+    /// This skeleton with the head bowed by `angle` in its canonical pose, radians, half of it in the neck: long hair then hangs clear of
+    /// the back, where it belongs to the head alone. Only as far as there are joints of these names.
+    #[must_use]
+    pub fn bowed(&self, angle: f32) -> Self {
+        let mut bowed = self.clone();
+        for joint in ["neck", "head"].iter().filter_map(|name| self.joint(name)) {
+            bowed.canonical[joint].0.x += angle / 2.0;
+        }
+        bowed
+    }
+
     /// The canonical pose of a shape, without expression.
     pub fn canonical_pose(&self, shape: &[f32]) -> Pose {
         Pose { rotations: self.canonical.clone(), shape: shape.to_vec(), ..Pose::default() }

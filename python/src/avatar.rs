@@ -70,9 +70,7 @@ impl Avatar {
             return Ok(body.clone());
         }
         let built_in = Body::of_built_in_subject()?;
-        if self.avatar.subject.joints.len() != built_in.model.skeleton().joints.len()
-            || !self.avatar.subject.is_on(&built_in.model)?
-        {
+        if !self.avatar.subject.is_on(&built_in.model)? {
             return Err(Error::from(InputError::Missing {
                 path: self.path.clone(),
                 what: "the body model that poses the avatar".into(),
@@ -156,7 +154,7 @@ impl Avatar {
     /// One canonical mesh that is skinned from pose to pose: fast, with the same faces in every frame.
     #[pyo3(signature = (resolution = 128))]
     fn fixed_topology(&self, py: Python<'_>, resolution: usize) -> PyResult<FixedTopology> {
-        py.detach(|| FixedTopology::new(&self.avatar, self.body_model()?, resolution)).or_raise()
+        py.detach(|| FixedTopology::new(&self.avatar, &self.body_model()?, resolution)).or_raise()
     }
 
     /// What the fields say of canonical points (N, 3), under a pose: an ``xavatar.Samples``.

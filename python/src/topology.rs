@@ -2,8 +2,8 @@
 
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
-use self_cell::self_cell;
 use xavatar::avatar;
+use xavatar::body::Skeleton;
 
 use crate::body::Body;
 use crate::errors::Raise;
@@ -13,24 +13,16 @@ use crate::poses::pose_of;
 /// One canonical mesh of an avatar that is skinned from pose to pose: fast, with the same faces in every frame. What a pose hides is still
 /// in the mesh; for pictures and metrics take ``Avatar.pose``.
 #[pyclass(frozen, module = "xavatar")]
-pub struct FixedTopology(OwnedTopology);
-
-type Borrowing<'a> = avatar::FixedTopology<'a>;
-
-self_cell! {
-    /// The mesh with the body that it borrows.
-    struct OwnedTopology {
-        owner: Body,
-        #[covariant]
-        dependent: Borrowing,
-    }
+pub struct FixedTopology {
+    topology: avatar::FixedTopology,
+    skeleton: Skeleton,
 }
 
 impl FixedTopology {
     /// An avatar's, on a body.
-    pub fn new(avatar: &avatar::Avatar, body: Body, resolution: usize) -> xavatar::Result<Self> {
-        let topology = OwnedTopology::try_new(body, |body| Borrowing::new(avatar, &body.model, resolution))?;
-        Ok(Self(topology))
+    pub fn new(avatar: &avatar::Avatar, body: &Body, resolution: usize) -> xavatar::Result<Self> {
+        let topology = avatar::FixedTopology::new(avatar, &body.model, resolution)?;
+        Ok(Self { topology, skeleton: avatar.subject.skeleton.clone() })
     }
 }
 
@@ -39,22 +31,22 @@ impl FixedTopology {
     /// The mesh in a pose: an ``xavatar.Mesh`` with the faces and colours of the canonical one.
     #[pyo3(signature = (pose = None))]
     fn pose<'py>(&self, py: Python<'py>, pose: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
-        let pose = pose_of(pose, self.0.borrow_owner().model.skeleton())?;
-        let mesh = py.detach(|| self.0.borrow_dependent().pose(&pose)).or_raise()?;
+        let pose = pose_of(pose, &self.skeleton)?;
+        let mesh = py.detach(|| self.topology.pose(&pose)).or_raise()?;
         python_mesh(py, mesh)
     }
 
     /// The canonical mesh: an ``xavatar.Mesh``.
     #[getter]
     fn canonical<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        python_mesh(py, self.0.borrow_dependent().canonical().clone())
+        python_mesh(py, self.topology.canonical().clone())
     }
 
     /// Skinning weights of its vertices (V, J); each row sums to 1.
     #[getter]
     fn weights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let weights = self.0.borrow_dependent().weights().to_vec();
-        let joints = self.0.borrow_owner().model.skeleton().joints.len();
+        let weights = self.topology.weights().to_vec();
+        let joints = self.skeleton.joints.len();
         let vertices = weights.len() / joints;
         weights.into_pyarray(py).reshape([vertices, joints])
     }

@@ -24,7 +24,7 @@ const SHEET: f32 = 4.0;
 /// An avatar with all that its poses share: the body model, the sampled skinning weights, the search's starts.
 pub struct Animator<'a> {
     avatar: &'a Avatar,
-    body: &'a BodyModel,
+    body: BodyModel,
     labels: &'a PartLabels,
     poser: Poser,
     /// The avatar's fields; skinning on a grid knows the starts that can be left out.
@@ -36,11 +36,11 @@ impl<'a> Animator<'a> {
     ///
     /// # Errors
     /// If the body is of another skeleton, or the skinning field cannot be sampled on the configured grid.
-    pub fn new(avatar: &'a Avatar, body: &'a BodyModel, labels: &'a PartLabels) -> Result<Self> {
+    pub fn new(avatar: &'a Avatar, body: &BodyModel, labels: &'a PartLabels) -> Result<Self> {
         let Avatar { config, subject, .. } = avatar;
-        subject.skeleton.require(body.skeleton(), "the body model")?;
+        let body = body.in_canonical_pose_of(&subject.skeleton)?;
         let mut fields = avatar.fields.clone();
-        let mut poser = Poser::for_surfaces(config, body, labels, &subject.betas, subject.bounds)?;
+        let mut poser = Poser::for_surfaces(config, &body, labels, &subject.betas, subject.bounds)?;
         poser.prune_starts(&mut fields.skinning)?;
         poser.bake(&fields.skinning)?;
         Ok(Self { avatar, body, labels, poser, fields })
@@ -60,7 +60,7 @@ impl<'a> Animator<'a> {
         let pose = pose.in_shape(&self.avatar.subject.betas);
         let vertices: Vec<Vec3> =
             self.body.pose(&pose)?.vertices.iter().map(|vertex| *vertex - pose.translation).collect();
-        let field_pose = FieldPose::new(self.body, &pose)?;
+        let field_pose = FieldPose::new(&self.body, &pose)?;
         let posed = self.poser.pose(&self.fields, &field_pose, &field_pose.condition)?;
         let queries = Queries {
             posed: &posed,

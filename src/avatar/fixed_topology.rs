@@ -17,8 +17,8 @@ use crate::fields::{BLOCK_ROWS, BodyPlaces, FieldEvaluator, bone_rows};
 use crate::mesh::TriangleMesh;
 
 /// A canonical mesh that is skinned from frame to frame.
-pub struct FixedTopology<'a> {
-    body: &'a BodyModel,
+pub struct FixedTopology {
+    body: BodyModel,
     betas: Vec<f32>,
     /// J.
     joints: usize,
@@ -35,13 +35,13 @@ pub struct FixedTopology<'a> {
     dropped_components: usize,
 }
 
-impl<'a> FixedTopology<'a> {
+impl FixedTopology {
     /// Extracts the canonical surface with `resolution` cells along the longest side, and its skinning.
     ///
     /// # Errors
     /// If the body is of another skeleton; as [`Avatar::extract_canonical`].
-    pub fn new(avatar: &Avatar, body: &'a BodyModel, resolution: usize) -> Result<Self> {
-        avatar.subject.skeleton.require(body.skeleton(), "the body model")?;
+    pub fn new(avatar: &Avatar, body: &BodyModel, resolution: usize) -> Result<Self> {
+        let body = body.in_canonical_pose_of(&avatar.subject.skeleton)?;
         let extraction = avatar.extract_unconditioned(resolution)?;
         let canonical = extraction.mesh;
         let points = arrays(&canonical.vertices);
@@ -50,7 +50,7 @@ impl<'a> FixedTopology<'a> {
         let (weights, gradients) =
             FieldEvaluator::new(&avatar.fields, &avatar.condition().none()).weights_and_gradients(&points);
         let places = match avatar.fields.skinning.carries_blend_shapes() {
-            true => Some(BodyPlaces::nearest(body, &avatar.subject.betas, &canonical.vertices)?.0),
+            true => Some(BodyPlaces::nearest(&body, &avatar.subject.betas, &canonical.vertices)?.0),
             false => None,
         };
         let (betas, dropped_components) = (avatar.subject.betas.clone(), extraction.dropped_components);

@@ -44,13 +44,14 @@ impl Subject {
         })
     }
 
-    /// Whether its joints are where a body model has those of its shape.
+    /// Whether a body model has its skeleton, with its joints where the model has those of its shape.
     ///
     /// # Errors
     /// If the shape has more coefficients than the model.
     pub fn is_on(&self, body: &BodyModel) -> Result<bool> {
         /// Joints closer than this are the same, metres.
         const SAME_JOINT: f32 = 1e-4;
+        let Ok(body) = body.in_canonical_pose_of(&self.skeleton) else { return Ok(false) };
         let joints = body.canonical_joints(&self.betas)?;
         let is_same = |(joint, own): (&Vec3, &Vec3)| joint.distance(*own) < SAME_JOINT;
         Ok(joints.len() == self.joints.len() && joints.iter().zip(&self.joints).all(is_same))

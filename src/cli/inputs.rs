@@ -100,6 +100,9 @@ pub fn body_of(avatar: &Avatar, path: Option<&Path>) -> anyhow::Result<(BodyMode
 /// The built-in subject's body, if the avatar has its skeleton.
 pub fn built_in_body(avatar: &Avatar) -> anyhow::Result<Option<(BodyModel, PartLabels)>> {
     let subject = BuiltInSubject::new()?;
-    let is_its = avatar.subject.is_on(subject.model())?;
-    Ok(is_its.then(|| (subject.model().clone(), subject.part_labels().clone())))
+    if !avatar.subject.is_on(subject.model())? {
+        return Ok(None);
+    }
+    let model = subject.model().in_canonical_pose_of(&avatar.subject.skeleton)?;
+    Ok(Some((model, subject.part_labels().clone())))
 }

@@ -55,6 +55,9 @@ pub struct Config {
     pub fields: FieldSettings,
     /// When search starts are given up and roots are the same.
     pub search: SearchSettings,
+    /// How far the head is bowed in canonical space if hair hangs down the back, radians.
+    #[serde(default)]
+    pub bowed_head: f32,
     /// Which bones start the search.
     pub starts: Starts,
     /// On which field the search runs.
@@ -133,6 +136,13 @@ impl Config {
     }
 
     fn check(&self) -> Result<()> {
+        if !(0.0..=1.0).contains(&self.bowed_head) {
+            return Err(Error::from(InputError::Value {
+                name: "bowed_head".into(),
+                found: self.bowed_head.to_string(),
+                expected: "0 to 1 radian".into(),
+            }));
+        }
         self.fields.check()?;
         self.searched_field.check()?;
         self.sampling.check()?;

@@ -20,7 +20,7 @@ use crate::{Error, InputError, Result};
 const SAME_JOINT: f32 = 1e-3;
 
 /// An avatar's canonical surface and its exact motion.
-pub(super) struct Reference<'a> {
+pub(super) struct Reference {
     /// With normals and colours.
     pub(super) mesh: TriangleMesh,
     pub(super) joints: Vec<Joint>,
@@ -31,7 +31,8 @@ pub(super) struct Reference<'a> {
     all: Influences,
     betas: Vec<f32>,
     skeleton: Skeleton,
-    body: Option<(&'a BodyModel, FixedTopology<'a>)>,
+    /// In the avatar's canonical pose.
+    body: Option<(BodyModel, FixedTopology)>,
     /// E.
     count: usize,
     /// The field's displacements by unit expressions (E, V); empty where the warp carries expressions.
@@ -52,14 +53,11 @@ pub(super) struct Frame {
     pub(super) expression: Vec<f32>,
 }
 
-impl<'a> Reference<'a> {
-    pub(super) fn new(avatar: &Avatar, body: Option<&'a BodyModel>, resolution: usize) -> Result<Self> {
+impl Reference {
+    pub(super) fn new(avatar: &Avatar, body: Option<&BodyModel>, resolution: usize) -> Result<Self> {
         let Subject { betas, skeleton, expressions: count, .. } = avatar.subject.clone();
-        if let Some(body) = body {
-            require_own_body(avatar, body)?;
-        }
         let body = match body {
-            Some(body) => Some((body, FixedTopology::new(avatar, body, resolution)?)),
+            Some(body) => Some((own_body(avatar, body)?, FixedTopology::new(avatar, body, resolution)?)),
             None => None,
         };
         let (mesh, weights, dropped_components) = match &body {
@@ -163,13 +161,14 @@ fn skinning_weights(avatar: &Avatar, vertices: &[Vec3]) -> Vec<f32> {
     FieldEvaluator::new(&avatar.fields, &avatar.condition().none()).weights(&points)
 }
 
-fn require_own_body(avatar: &Avatar, body: &BodyModel) -> Result<()> {
-    avatar.subject.skeleton.require(body.skeleton(), "the body model")?;
+/// The body that an avatar was trained with, in the avatar's canonical pose.
+fn own_body(avatar: &Avatar, body: &BodyModel) -> Result<BodyModel> {
+    let body = body.in_canonical_pose_of(&avatar.subject.skeleton)?;
     let joints = body.canonical_joints(&avatar.subject.betas)?;
     let distances = joints.iter().zip(&avatar.subject.joints).map(|(body, avatar)| body.distance(*avatar));
     let farthest = distances.fold(0.0, f32::max);
     if farthest < SAME_JOINT {
-        return Ok(());
+        return Ok(body);
     }
     Err(Error::from(InputError::Mismatch {
         path: body.path().into(),

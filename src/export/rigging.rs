@@ -129,15 +129,15 @@ impl Rigging {
 }
 
 /// A rig in the making.
-struct Builder<'a> {
-    reference: Reference<'a>,
+struct Builder {
+    reference: Reference,
     influences: Influences,
     /// Expressions, then correctives.
     morphs: Vec<Morph>,
 }
 
-impl<'a> Builder<'a> {
-    fn new(avatar: &Avatar, body: Option<&'a BodyModel>, rigging: &Rigging) -> Result<Self> {
+impl Builder {
+    fn new(avatar: &Avatar, body: Option<&BodyModel>, rigging: &Rigging) -> Result<Self> {
         let reference = Reference::new(avatar, body, rigging.resolution)?;
         let influences = Influences::strongest(&reference.weights, reference.joint_count(), rigging.influences);
         let expression = |(index, offsets)| Morph::new(format!("expression_{index}"), offsets);

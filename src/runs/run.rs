@@ -13,6 +13,7 @@ use super::event::{Event, Observer};
 use super::notes::Notes;
 use super::preview;
 use crate::avatar::{Avatar, Subject};
+use crate::body::BodyModel;
 use crate::config::Config;
 use crate::data::Source;
 use crate::train::{Stage, StepRecord, Trainer, TrainingSpec};
@@ -131,11 +132,13 @@ impl<'a> Run<'a> {
         let started = Instant::now();
         let cache = Cache::open(self.spec, &self.folder, observer)?;
         let spec = TrainingSpec { source: &cache, ..self.spec };
+        let body = spec.canonical_body()?;
+        let spec = TrainingSpec { body: &body, ..spec };
         let trainer = Trainer::new(spec, cache.seen_vertices(), started, |state| {
             checkpoint::restore_newest(&self.folder, state)
         })?;
         let notes = Notes::open(&self.folder, trainer.progress().all_steps() as usize)?;
-        Session { run: self, cache: &cache, trainer, notes, observer }.train(stop)
+        Session { run: self, cache: &cache, body: &body, trainer, notes, observer }.train(stop)
     }
 }
 
@@ -143,6 +146,8 @@ impl<'a> Run<'a> {
 struct Session<'s, 'a> {
     run: &'s Run<'a>,
     cache: &'s Cache,
+    /// In the avatar's canonical pose.
+    body: &'s BodyModel,
     trainer: Trainer<'s>,
     notes: Notes,
     observer: &'s mut dyn Observer,
@@ -202,8 +207,8 @@ impl Session<'_, '_> {
     fn preview(&mut self) -> Result<()> {
         self.settle()?;
         let (avatar, capture) = (self.avatar()?, self.cache.read(0)?);
-        let TrainingSpec { body, labels, .. } = self.run.spec;
-        if let Some(path) = preview::write(&self.run.folder, &avatar, body, labels, &capture)? {
+        let TrainingSpec { labels, .. } = self.run.spec;
+        if let Some(path) = preview::write(&self.run.folder, &avatar, self.body, labels, &capture)? {
             self.observer.event(Event::Preview { path: &path });
         }
         Ok(())
@@ -212,8 +217,7 @@ impl Session<'_, '_> {
     /// The avatar as it is now.
     fn avatar(&mut self) -> Result<Avatar> {
         let (source, bounds) = (self.cache, self.trainer.bounds());
-        let body = self.run.spec.body;
-        let subject = Subject::of(body, source.gender(), source.betas(), bounds, source.ids().len())?;
+        let subject = Subject::of(self.body, source.gender(), source.betas(), bounds, source.ids().len())?;
         let (learned, progress) = self.trainer.state()?;
         let (fields, config, steps) = (learned.fields.clone(), self.run.spec.config.clone(), progress.steps);
         Ok(Avatar { fields, config, subject, steps })

@@ -17,6 +17,9 @@ use crate::config::Config;
 use crate::data::FrameId;
 use crate::fields::FieldPose;
 
+/// How deep in the registered body a surface is taken to be where that is not known: as deep as registrations are wrong, metres.
+pub const UNKNOWN_DEPTH: f32 = 0.01;
+
 /// Points of one posed frame; deformed coordinates, the registration's translation subtracted, metres.
 #[derive(Clone, Debug, Default)]
 pub struct PosedSamples {
@@ -28,12 +31,16 @@ pub struct PosedSamples {
     pub on_colours: Vec<[f32; 3]>,
     /// Of each: the label of its part.
     pub on_labels: Vec<u8>,
+    /// Of each: how deep in the registered body it is, metres, at most [`UNKNOWN_DEPTH`]; 0 outside of it.
+    pub on_depths: Vec<f32>,
     /// P_off: points beside the surface.
     pub off_points: Vec<[f32; 3]>,
     /// Of each: 1 inside and 0 outside for occupancy; else the signed distance, metres.
     pub off_targets: Vec<f32>,
     /// Of each: the label of its part.
     pub off_labels: Vec<u8>,
+    /// Of each: the depth of the point on the surface that it was moved from.
+    pub off_depths: Vec<f32>,
 }
 
 /// All that one frame of one step is trained on.

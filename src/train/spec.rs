@@ -1,5 +1,7 @@
 //! What an avatar is trained with, as one value.
 
+use super::clothing;
+use super::frames::Frames;
 use super::supervision::{PreparedFrame, check_kind};
 use crate::Result;
 use crate::body::{BodyModel, PartLabels};
@@ -26,6 +28,18 @@ impl<'a> TrainingSpec<'a> {
     /// [`InputError::Value`](crate::InputError::Value) names the presets that fit.
     pub fn check(&self) -> Result<()> {
         check_kind(self.source.kind(), self.config)
+    }
+
+    /// The body in the canonical pose that suits the captures: its head bowed, by the angle of the settings, if hair hangs down the back.
+    ///
+    /// # Errors
+    /// A capture that cannot be read or prepared.
+    pub fn canonical_body(&self) -> Result<BodyModel> {
+        let angle = self.config.bowed_head;
+        let skeleton = self.body.skeleton();
+        let joints = self.body.canonical_joints(self.source.betas())?;
+        let is_bowed = angle > 0.0 && clothing::hair_hangs(&mut Frames::new(*self), skeleton, &joints)?;
+        Ok(self.body.in_canonical_pose_of(&skeleton.bowed(if is_bowed { angle } else { 0.0 }))?)
     }
 
     /// Makes a capture ready to be drawn from. One that can be prepared can be trained on.

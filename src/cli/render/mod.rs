@@ -98,7 +98,7 @@ struct Moment {
 /// Where meshes of poses come from.
 enum Poser<'a> {
     Extracted(Box<Animator<'a>>, usize),
-    Skinned(Box<FixedTopology<'a>>),
+    Skinned(Box<FixedTopology>),
 }
 
 /// What all pictures share.

@@ -5,6 +5,7 @@
 //! frames, held to the body model's weights and to those of neighbouring places. [`votes`] finds places that one bone explains and the
 //! body model does not, [`weights`] refines all of them; on a grid of its own, coarser than the field's. R places, K frames; metres.
 
+mod hair;
 mod volume;
 mod votes;
 mod weights;
@@ -12,6 +13,7 @@ mod weights;
 use glam::{Mat3, Vec3};
 use xavatar_deformer::BoneTransform;
 
+pub(super) use self::hair::hair_hangs;
 use self::volume::{BAND, DistanceVolume};
 use super::frames::Frames;
 use super::supervision::PreparedFrame;

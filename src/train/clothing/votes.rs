@@ -14,7 +14,7 @@ use crate::train::supervision::PreparedFrame;
 /// Nearer to the body than this, its own weights are where to begin, metres.
 const NEAR_BODY: f32 = 0.04;
 /// The subject is at a place if its surface is no farther than this, and what is worn if the body is no nearer than that, metres.
-const THERE: f32 = 0.01;
+const THERE: f32 = 0.025;
 const OFF_BODY: f32 = 0.02;
 /// Share of the frames in which the subject is at an explained place.
 const EXPLAINED: f32 = 0.7;

@@ -14,9 +14,9 @@ use crate::train::drawn::Drawn;
 use crate::train::losses::CanonicalBatch;
 use crate::train::supervision::{Curve, DistanceGrid};
 
-/// Depth in the unclothed body below which no point of the scan's surface or outside of it can be, metres. A root there is one
-/// of skin that folds over itself: to train through it would hollow the body.
-const DEEPEST_SURFACE: f32 = 0.01;
+/// How much deeper in the canonical body than in the registered one a root of the surface may be, metres. Bones keep depths; a deeper root
+/// is one of skin that folds over itself, and to train through it would hollow the body.
+const DEPTH_SLACK: f32 = 0.002;
 
 /// Finds and chooses roots.
 #[derive(Debug)]
@@ -51,7 +51,8 @@ impl RootFinder {
         let on = samples.on_points.iter().map(|_| false);
         let off = samples.off_targets.iter().map(|target| inside(*target));
         let is_inside: Vec<bool> = on.chain(off).collect();
-        let assigned = self.assign(posed, &found, &is_inside);
+        let depths = [samples.on_depths.as_slice(), &samples.off_depths].concat();
+        let assigned = self.assign(posed, &found, &is_inside, &depths);
         let (assigned_on, assigned_off) = assigned.split_at(samples.on_points.len());
 
         let mut batch = CanonicalBatch {
@@ -76,8 +77,14 @@ impl RootFinder {
         Ok(Roots { batch, statistics: found.statistics, inside_without_root })
     }
 
-    /// The candidate that each point is trained through, given which points are inside.
-    fn assign(&self, posed: &PosedField, candidates: &Candidates<f32>, is_inside: &[bool]) -> Vec<Option<usize>> {
+    /// The candidate that each point is trained through, given which points are inside, and how deep in the registered body they are.
+    fn assign(
+        &self,
+        posed: &PosedField,
+        candidates: &Candidates<f32>,
+        is_inside: &[bool],
+        depths: &[f32],
+    ) -> Vec<Option<usize>> {
         match self.assignment {
             Assignment::Field => {
                 let values = posed.evaluator.values(&candidates.points);
@@ -85,9 +92,10 @@ impl RootFinder {
                 posed.winners(candidates, |index, best| representation.prefers(values[index], values[best]))
             }
             Assignment::Body => {
-                let depths: Vec<f32> = candidates.points.par_iter().map(|point| self.distances.at(*point)).collect();
-                let possible = |point: usize, index: usize| may_train(depths[index], is_inside[point]);
-                posed.winners_among(candidates, possible, |index, best| depths[index] < depths[best])
+                let distances: Vec<f32> = candidates.points.par_iter().map(|point| self.distances.at(*point)).collect();
+                let possible =
+                    |point: usize, index: usize| may_train(distances[index], is_inside[point], depths[point]);
+                posed.winners_among(candidates, possible, |index, best| distances[index] < distances[best])
             }
         }
     }
@@ -103,9 +111,10 @@ fn in_spatial_order(curve: &Curve, assigned: &[Option<usize>], found: &Candidate
     keyed.into_iter().map(|(_, winner, index)| (winner, index)).collect()
 }
 
-/// Whether a point, inside the captured body or not, may be trained through a root this far from the unclothed one, metres.
-fn may_train(distance: f32, is_inside: bool) -> bool {
-    distance < CERTAINLY_OUTSIDE && (is_inside || distance > -DEEPEST_SURFACE)
+/// Whether a point, inside the captured body or not and so deep in the registered one, may be trained through a root this far from the
+/// unclothed body, metres.
+fn may_train(distance: f32, is_inside: bool, depth: f32) -> bool {
+    distance < CERTAINLY_OUTSIDE && (is_inside || distance > -(depth + DEPTH_SLACK))
 }
 
 #[cfg(test)]
@@ -113,8 +122,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_surface_is_trained_deep_in_the_body_and_nothing_far_from_it() {
-        assert!(may_train(0.02, false) && may_train(-0.005, false) && !may_train(-0.03, false));
-        assert!(may_train(0.02, true) && may_train(-0.03, true) && !may_train(0.2, true));
+    fn no_surface_is_trained_deeper_in_the_body_than_it_is_and_nothing_far_from_it() {
+        assert!(may_train(0.02, false, 0.0) && may_train(-0.001, false, 0.0) && !may_train(-0.005, false, 0.0));
+        assert!(may_train(-0.005, false, 0.006) && !may_train(-0.03, false, 0.006));
+        assert!(may_train(0.02, true, 0.0) && may_train(-0.03, true, 0.0) && !may_train(0.2, true, 0.0));
     }
 }

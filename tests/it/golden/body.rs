@@ -4,7 +4,8 @@ use std::path::Path;
 
 use glam::{Affine3A, Vec3};
 use safetensors::SafeTensors;
-use xavatar::body::{BodyModel, Gender, HandPose, Pose, PoseAxisAngle, smplx};
+use xavatar::body::smplx::{self, joint};
+use xavatar::body::{BodyModel, Gender, HandPose, Pose, PoseAxisAngle, mano};
 
 const FRAMES: usize = 6;
 
@@ -121,6 +122,30 @@ fn the_canonical_route_gives_the_posed_body() {
         let unmoved = model.canonical_to_posed(&canonical).unwrap();
         assert!(unmoved.iter().all(|transform| transform.abs_diff_eq(Affine3A::IDENTITY, 1e-5)));
     }
+}
+
+// Where canonical space is bent makes no difference to what is posed from it.
+#[test]
+fn another_canonical_pose_leads_to_the_same_posed_body() {
+    let bytes = std::fs::read(golden("body_smplx.safetensors")).unwrap();
+    let tensors = SafeTensors::deserialize(&bytes).unwrap();
+    let model = model();
+    let bowed = model.in_canonical_pose_of(&model.skeleton().bowed(0.6)).unwrap();
+    let moved: Vec<bool> = (model.canonical_joints(&[]).unwrap().iter())
+        .zip(bowed.canonical_joints(&[]).unwrap())
+        .map(|(plain, bowed)| plain.distance(bowed) > 1e-4)
+        .collect();
+    assert!(moved[joint::JAW] && !moved[joint::NECK] && !moved[joint::LEFT_WRIST]);
+    for pose in golden_poses(&model, &tensors) {
+        let whole = model.pose(&pose).unwrap().bone_transforms;
+        let canonical = bowed.skeleton().canonical_pose(&pose.shape);
+        let from_rest = model.pose(&canonical).unwrap().bone_transforms;
+        let to_posed = bowed.canonical_to_posed(&pose).unwrap();
+        for ((to_posed, from_rest), whole) in to_posed.iter().zip(&from_rest).zip(&whole) {
+            assert!((*to_posed * *from_rest).abs_diff_eq(*whole, 2e-5));
+        }
+    }
+    assert!(model.in_canonical_pose_of(&mano::skeleton("left")).is_err(), "a hand has no such pose");
 }
 
 // Offsets are what pose() adds before skinning; with none, the canonical vertices are the canonical body.

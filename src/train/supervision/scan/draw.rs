@@ -88,6 +88,9 @@ pub(super) fn draw(frame: &ScanSupervision, config: &Config, random: &mut ChaCha
         samples.on_normals.push(normal.to_array());
         samples.on_colours.push(colour.to_array());
         samples.on_labels.push(sample.label);
+        let depth = frame.depth(sample.source, sample.place.face);
+        samples.on_depths.push(depth);
+        samples.off_depths.push(depth);
         samples.off_points.push(sample.off.to_array());
         samples.off_targets.push(target);
         samples.off_labels.push(sample.label);
@@ -96,6 +99,7 @@ pub(super) fn draw(frame: &ScanSupervision, config: &Config, random: &mut ChaCha
         samples.off_points.push(point.to_array());
         samples.off_targets.push(target);
         samples.off_labels.push(label);
+        samples.off_depths.push(0.0);
     }
     samples
 }

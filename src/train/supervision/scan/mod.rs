@@ -4,6 +4,7 @@ mod draw;
 
 use glam::Vec3;
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 
 use super::part_shares::{PartShare, part_shares, whole_share};
 use super::{BYTES_A_FACE, RegisteredBody, ScannedBody, Supervision, Surface, faces_of_part};
@@ -12,7 +13,7 @@ use crate::body::{Part, PartLabels, Registration, Role, Skeleton};
 use crate::config::{Config, HandSupervision, SamplingSettings, SamplingStrategy};
 use crate::data::ScanFrame;
 use crate::mesh::{SurfaceSampler, TriangleMesh};
-use crate::train::drawn::PosedSamples;
+use crate::train::drawn::{PosedSamples, UNKNOWN_DEPTH};
 
 /// Where a region's points are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +36,8 @@ pub(super) struct ScanSupervision<'a> {
     body: Surface,
     registration: Registration<'a>,
     regions: Vec<Region>,
+    /// How deep in the registered body the centre of each of the scan's faces is, metres, at most [`UNKNOWN_DEPTH`].
+    depths: Vec<f32>,
 }
 
 impl Supervision for ScanSupervision<'_> {
@@ -62,7 +65,25 @@ impl<'a> ScanSupervision<'a> {
         scan.vertices.iter_mut().for_each(|vertex| *vertex -= parameters.translation());
         let RegisteredBody { mesh, skeleton, labels, registration } = body;
         let regions = regions(&scan, &mesh, skeleton, labels, &registration, &config.sampling)?;
-        Ok(Self { scan: Surface::new(scan)?, body: Surface::new(mesh)?, registration, regions })
+        let (scan, body) = (Surface::new(scan)?, Surface::new(mesh)?);
+        let depth = |face: u32| {
+            let centre = scan.mesh.corners(face).into_iter().sum::<Vec3>() / 3.0;
+            let distance = body.solid.signed_distance_within(centre, UNKNOWN_DEPTH);
+            distance.map_or_else(
+                || if body.solid.is_inside(centre) { UNKNOWN_DEPTH } else { 0.0 },
+                |distance| (-distance).max(0.0),
+            )
+        };
+        let depths = (0..scan.mesh.faces.len() as u32).into_par_iter().with_min_len(256).map(depth).collect();
+        Ok(Self { scan, body, registration, regions, depths })
+    }
+
+    /// How deep in the registered body the surface is at a face of a source. Thin fingers have no exact depth on a grid.
+    fn depth(&self, source: Source, face: u32) -> f32 {
+        match source {
+            Source::Scan => self.depths[face as usize],
+            Source::Registration => UNKNOWN_DEPTH,
+        }
     }
 
     fn surface(&self, source: Source) -> &Surface {
