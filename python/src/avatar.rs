@@ -70,9 +70,7 @@ impl Avatar {
             return Ok(body.clone());
         }
         let built_in = Body::of_built_in_subject()?;
-        if self.avatar.subject.joints.len() != built_in.model.skeleton().joints.len()
-            || !self.avatar.subject.is_on(&built_in.model)?
-        {
+        if !self.avatar.subject.is_on(&built_in.model)? {
             return Err(Error::from(InputError::Missing {
                 path: self.path.clone(),
                 what: "the body model that poses the avatar".into(),

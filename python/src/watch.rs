@@ -67,6 +67,7 @@ impl Observer for Watch<'_> {
                 self.tell("measured", share(done, total), |fields| fields.set_item("message", frame));
             }
             Event::Warning { message } => self.warn(&message),
+            Event::Avatar { .. } => {}
         }
     }
 }
