@@ -33,7 +33,7 @@ pub(super) fn tables_of_csv(path: &Path, text: &str) -> Result<Vec<Table>> {
                 key if LISTS.contains(&key) => cell.split_whitespace().map(word).collect::<Vec<_>>().into(),
                 key if NUMBERS.contains(&key) => cell.parse::<i64>().map_or_else(|_| word(cell), Value::Integer),
                 _ => {
-                    settings.insert(key.into(), word(cell));
+                    settings.insert(key.into(), setting(cell));
                     continue;
                 }
             };
@@ -45,4 +45,12 @@ pub(super) fn tables_of_csv(path: &Path, text: &str) -> Result<Vec<Table>> {
         tables.push(table);
     }
     Ok(tables)
+}
+
+/// A setting as TOML would have it: a number or a truth where the cell is one.
+fn setting(cell: &str) -> Value {
+    let integer = || cell.parse().ok().map(Value::Integer);
+    let float = || cell.parse().ok().map(Value::Float);
+    let boolean = || cell.parse().ok().map(Value::Boolean);
+    integer().or_else(float).or_else(boolean).unwrap_or_else(|| Value::String(cell.into()))
 }

@@ -148,6 +148,8 @@ fn what_cannot_be_registered_is_named() {
         1,
         &["none of 4 frames has landmarks of the torso", "give landmarks"],
     );
+    assert!(out.join("landmarks.json").is_file(), "the landmarks to correct are kept");
+    fs::remove_dir_all(&out).unwrap();
     assert_outcome(&register, 2, &["--landmarks"]);
     assert_outcome(
         &[&register[..], &["--geometry-only", "--take", "Take9=test"]].concat(),
