@@ -47,7 +47,8 @@ before = len(bones), len(body.data.shape_keys.key_blocks), [height(body, frame) 
 bpy.ops.export_scene.fbx(filepath=str(folder / "dance.fbx"), add_leaf_bones=False, bake_anim_simplify_factor=0, path_mode="COPY", embed_textures=True)
 
 armature, body = fresh(bpy.ops.import_scene.fbx, filepath=str(folder / "dance.fbx"))
-after = len(armature.data.bones), len(body.data.shape_keys.key_blocks), [height(body, frame) for frame in (0, 20, 40)]
+# The importer of FBX begins at frame 1.
+after = len(armature.data.bones), len(body.data.shape_keys.key_blocks), [height(body, frame) for frame in (1, 21, 41)]
 farthest = max(abs(a - b) for one, other in zip(before[2], after[2]) for a, b in zip(one, other))
 print(f"Blender {bpy.app.version_string}: bones along the limbs to {min(straight):.5f}; FBX with {after[0]} bones and {after[1]} shape keys", end=" ")
 print(f"(of {before[0]} and {before[1]}), whose figure is as large in three frames to {1000 * farthest:.2f} mm")

@@ -1,7 +1,7 @@
 //! The library for Python: what the package `xavatar` (python/xavatar) calls, over numpy's arrays.
 //!
 //! Nothing is computed here that the library does not compute. Arrays that come back take over the library's memory; calls that take
-//! time let go of the interpreter's lock; what goes wrong is raised with the remedy in Python's words ([`errors`]).
+//! time let go of the interpreter's lock; what goes wrong is raised with the remedy in Python's words (`errors`).
 
 #![deny(clippy::disallowed_methods)]
 
