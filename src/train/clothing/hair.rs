@@ -28,7 +28,7 @@ const ADVANTAGE: f32 = 0.25;
 /// Share of a scan's points that hang, from which it is hair.
 const HAIR: f32 = 0.002;
 
-/// Whether scans of several frames show hair that hangs behind the back.
+/// Whether scans of several frames show hair that hangs behind the back, of a body whose canonical `joints` (J) are here, metres.
 ///
 /// # Errors
 /// A frame that cannot be read or prepared.
