@@ -5,5 +5,5 @@ if [ $# -eq 2 ]; then
 else
     avatar=$folder/demo body=$folder/data/body
     cargo run --release --quiet -- demo --smoke --quiet --out "$avatar" > /dev/null
-    cargo run --release --quiet -- demo --smoke --quiet --write-data "$folder/data"
+    cargo run --release --quiet -- demo --smoke --quiet --write-data "$folder/data" > /dev/null
 fi

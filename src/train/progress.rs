@@ -54,6 +54,8 @@ pub(super) struct Pace<'a> {
     pub started: Instant,
     /// Seconds that earlier commands spent.
     pub earlier_seconds: f64,
+    /// When all was prepared and steps could begin.
+    pub prepared: Instant,
 }
 
 impl Pace<'_> {
@@ -68,7 +70,9 @@ impl Pace<'_> {
 
     /// The stage of the next step.
     pub fn stage(&self, progress: &Progress) -> Stage {
-        let late = self.limit().is_some_and(|limit| self.seconds() > PRETRAINING_SHARE * limit);
+        // Not the preparation's time: a field without stage 0 begins so far off that a short training does not make up for it.
+        let spent = self.prepared.elapsed().as_secs_f64();
+        let late = self.limit().is_some_and(|limit| spent > PRETRAINING_SHARE * limit);
         // Once on the frames, a resumed training does not go back.
         if progress.steps > 0 || late || progress.pretraining_steps >= self.config.schedule.pretraining_steps {
             Stage::Frames
@@ -99,5 +103,28 @@ impl Pace<'_> {
         let most_frames = self.config.schedule.most_epochs * self.frames as u64;
         let done = progress.steps * self.config.optimiser.batch_frames as u64;
         if most_frames > 0 { done as f64 / most_frames as f64 } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn stage_0_has_its_share_of_the_time_however_long_the_preparation_took() {
+        let config = Config::preset_with("fast", &[("schedule.minutes".into(), "1".into())]).unwrap();
+        let now = Instant::now();
+        let stage = |prepared: u64, progress: &Progress| {
+            let started = now.checked_sub(Duration::from_secs(40)).unwrap();
+            let prepared = started + Duration::from_secs(prepared);
+            Pace { config: &config, frames: 30, started, earlier_seconds: 0.0, prepared }.stage(progress)
+        };
+        let begun = Progress::default();
+        assert_eq!(stage(39, &begun), Stage::Pretraining, "one second after forty of preparation");
+        assert_eq!(stage(10, &begun), Stage::Frames, "half a minute is more than its share");
+        assert_eq!(stage(39, &Progress { steps: 1, ..begun.clone() }), Stage::Frames, "there is no way back");
+        assert_eq!(stage(39, &Progress { pretraining_steps: 60, ..begun }), Stage::Frames, "it is done");
     }
 }

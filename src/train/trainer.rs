@@ -89,10 +89,12 @@ impl<'a> Trainer<'a> {
         let TrainingState { learned, progress } = state;
         let follows_weights = learned.fields.skinning.follows_weights();
         let distances = canonical.distances().clone();
+        let engine = make(EngineInput { config: config.clone(), poser, distances, learned })?;
+        let (count, earlier_seconds) = (frames.len(), progress.seconds);
         Ok(Self {
-            pace: Pace { config, frames: frames.len(), started, earlier_seconds: progress.seconds },
+            pace: Pace { config, frames: count, started, earlier_seconds, prepared: Instant::now() },
             epochs: Epochs { config, frames, canonical: Arc::new(canonical), follows_weights, ahead: None },
-            engine: make(EngineInput { config: config.clone(), poser, distances, learned })?,
+            engine,
             pending: VecDeque::new(),
             progress,
             spec,
