@@ -157,6 +157,12 @@ impl CanonicalGrid {
         (0..self.grid.len()).map(|node| Vec3::from_array(self.grid.position(node))).collect()
     }
 
+    /// The values of the nodes (R), interpolated at a point.
+    #[must_use]
+    pub fn interpolated(&self, values: &[f32], point: Vec3) -> f32 {
+        self.grid.corner_shares(point.to_array()).iter().map(|(corner, share)| values[*corner] * share).sum()
+    }
+
     /// The nodes' signed distances to the body (R), metres.
     #[must_use]
     pub fn distances(&self) -> &[f32] {
@@ -189,7 +195,7 @@ impl CanonicalGrid {
 
     /// Whether a point is in a cell of which a node (R) is `worn`.
     #[must_use]
-    pub fn is_worn_at(&self, worn: &[bool], point: Vec3) -> bool {
+    fn is_worn_at(&self, worn: &[bool], point: Vec3) -> bool {
         let cell = self.grid.cell_number(point.to_array());
         cell.is_some_and(|cell| self.grid.cell_nodes(cell).iter().any(|node| worn.get(*node) == Some(&true)))
     }

@@ -105,11 +105,6 @@ impl Poser {
         Ok(skinning)
     }
 
-    /// Whether something is worn at a canonical point, as far as the skinning field knows.
-    pub fn is_worn_at(&self, skinning: &Skinning<f32>, point: Vec3) -> bool {
-        self.binding.is_worn_at(skinning, point)
-    }
-
     /// Lets searches in a skinning field skip starts that lead nowhere.
     ///
     /// # Errors

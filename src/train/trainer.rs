@@ -79,9 +79,15 @@ impl<'a> Trainer<'a> {
         let bounds = canonical.bounds();
         let poser = Poser::for_training(config, body, labels, betas, bounds)?;
         let mut frames = Frames::new(spec);
-        let skinning =
-            poser.initial_skinning(body, |grid| clothing::fitted_rows(&mut frames, grid, body, labels, betas))?;
-        canonical.wear(|point| poser.is_worn_at(&skinning, point));
+        let mut worn = None;
+        let skinning = poser.initial_skinning(body, |grid| {
+            let (rows, found) = clothing::fitted_rows(&mut frames, grid, body, labels, betas)?;
+            worn = found;
+            Ok(rows)
+        })?;
+        if let Some(worn) = worn {
+            canonical.wear(|point| worn.at(point));
+        }
         let mut fields = Fields::new(&config.fields, canonical.condition(), skinning, bounds)?;
         fields.initialise(config.seed);
         let mut state = TrainingState { learned: Learned::new(fields), progress: Progress::default() };

@@ -72,11 +72,6 @@ impl SkinningBinding {
         }
     }
 
-    /// Whether something is worn at a point, as far as the skinning field knows.
-    pub fn is_worn_at(&self, skinning: &Skinning<f32>, point: Vec3) -> bool {
-        matches!(&self.0, Bound::Grid(grid) if grid.is_worn_at(&skinning.worn, point))
-    }
-
     /// The offsets at a grid's nodes (R) of a body whose vertices move by `offsets` (V).
     pub fn node_offsets(&self, offsets: &[Vec3]) -> Option<Vec<[f32; 3]>> {
         match &self.0 {

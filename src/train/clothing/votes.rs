@@ -1,49 +1,48 @@
 //! Places that one bone explains and the body model does not: hair that hangs over the back, a bag, a tail.
 //!
-//! A place is explained by weights under which, in most frames, the subject is there. Space that nothing explains takes the weights
-//! of the explained places around it, so that the two join smoothly.
+//! A place is explained by weights under which, in most frames, something worn is there. Where several bones explain a place, it is the
+//! one that explains most places: what is worn goes with few. Space that nothing explains takes the weights of the explained places
+//! around it, so that the two join smoothly.
 
-use std::sync::Arc;
+use std::cmp::Reverse;
 
-use glam::Vec3;
 use rayon::prelude::*;
 
+use super::worn::{FEWEST_OFF_BODY, THERE};
 use super::{Places, Row, View};
-use crate::train::supervision::PreparedFrame;
 
 /// Nearer to the body than this, its own weights are where to begin, metres.
-const NEAR_BODY: f32 = 0.04;
-/// The subject is at a place if its surface is no farther than this, and what is worn if the body is no nearer than that, metres.
-const THERE: f32 = 0.025;
-const OFF_BODY: f32 = 0.02;
+const NEAR_BODY: f32 = 0.025;
 /// Share of the frames in which the subject is at an explained place.
 const EXPLAINED: f32 = 0.7;
-/// By how much a bone explains more frames than the body model's weights, to take its place.
-const ADVANTAGE: f32 = 0.2;
+/// By how much nearer to the subject a bone keeps a place than the body model's weights, to take it, metres; a mean over the frames.
+const GAIN: f32 = 0.01;
+/// Fewest places that a bone explains: fewer are chance, or a fold.
+const FEWEST_PLACES: usize = 12;
 /// Steps over which weights spread into unexplained space.
 const STEPS: usize = 2;
 
-/// Replaces the rows (R) of places that one bone explains better, and spreads them; the views are of these frames. `distances` (R) are those to the body.
-pub(super) fn settle(
-    rows: &mut [Row],
-    views: &[View],
-    frames: &[Arc<PreparedFrame>],
-    places: &Places,
-    distances: &[f32],
-) {
+/// Replaces the rows (R) of places that one bone explains better, and spreads them. `distances` (R) are those to the body.
+pub(super) fn settle(rows: &mut [Row], views: &[View], places: &Places, distances: &[f32]) {
     let Places { may_move, bones, neighbours } = places;
-    let is_asked = |node: usize| may_move[node] && distances[node] > NEAR_BODY;
+    let is_asked = |place: usize| may_move[place] && distances[place] > NEAR_BODY;
     let votes: Vec<Option<Vote>> = (0..rows.len())
         .into_par_iter()
         .with_min_len(256)
-        .map(|node| is_asked(node).then(|| Vote::of(node, &rows[node], views, frames, bones)))
+        .map(|place| is_asked(place).then(|| Vote::of(place, &rows[place], views, bones)))
         .collect();
-    let mut is_open: Vec<bool> = votes.iter().map(|vote| matches!(vote, Some(Vote::Nothing))).collect();
+    let leading = leading_bones(bones, &votes);
+    let winner = |vote: &Vote| leading.iter().copied().find(|bone| vote.bones.contains(bone));
     let mut front = Vec::new();
-    for (node, vote) in votes.iter().enumerate() {
-        if let Some(Vote::Bone(bone)) = vote {
-            rows[node] = vec![(*bone, 1.0)];
-            front.push(node);
+    let mut is_open = vec![false; rows.len()];
+    for (place, vote) in votes.iter().enumerate() {
+        let Some(vote) = vote else { continue };
+        match winner(vote) {
+            Some(bone) => {
+                rows[place] = vec![(bone, 1.0)];
+                front.push(place);
+            }
+            None => is_open[place] = !vote.body_model,
         }
     }
     for _ in 0..STEPS {
@@ -67,56 +66,50 @@ pub(super) fn settle(
     }
 }
 
+/// The bones that explain enough places, those that explain most of them first.
+fn leading_bones(bones: &[usize], votes: &[Option<Vote>]) -> Vec<usize> {
+    let explained = |bone: usize| votes.iter().flatten().filter(|vote| vote.bones.contains(&bone)).count();
+    let counted = bones.iter().map(|bone| (Reverse(explained(*bone)), *bone));
+    let mut leading: Vec<_> = counted.filter(|(Reverse(count), _)| *count >= FEWEST_PLACES).collect();
+    leading.sort_unstable();
+    leading.into_iter().map(|(_, bone)| bone).collect()
+}
+
 /// What explains a place.
-#[derive(Clone, Copy, Debug)]
-enum Vote {
-    BodyModel,
-    Bone(usize),
-    Nothing,
+#[derive(Clone, Debug)]
+struct Vote {
+    /// Whether the body model's weights do.
+    body_model: bool,
+    /// The bones that do, and better.
+    bones: Vec<usize>,
 }
 
 impl Vote {
-    fn of(node: usize, row: &Row, views: &[View], frames: &[Arc<PreparedFrame>], bones: &[usize]) -> Self {
-        let share = |there: usize| there as f32 / views.len() as f32;
-        let own = share(views.iter().filter(|view| view.distance(node, row) < THERE).count());
-        if own >= EXPLAINED {
-            return Self::BodyModel;
-        }
-        let needed = EXPLAINED.max(own + ADVANTAGE);
-        // The share of the frames that a bone explains, and how far its distances to the scans spread.
-        let of_bone = |bone: usize| {
-            let (mut there, mut misses, mut sum, mut squares) = (0, 0, 0.0, 0.0);
-            for (view, frame) in views.iter().zip(frames) {
-                let image = view.image(node, bone);
+    fn of(place: usize, row: &Row, views: &[View], bones: &[usize]) -> Self {
+        let count = views.len() as f32;
+        let under_body_model: Vec<f32> = views.iter().map(|view| view.distance(place, row)).collect();
+        let there = under_body_model.iter().filter(|distance| **distance < THERE).count();
+        let outside = under_body_model.iter().map(|distance| distance.max(0.0)).sum::<f32>() / count;
+        let explains = |bone: &usize| {
+            let (mut off_body, mut worn, mut left) = (0, 0, count * (outside - GAIN));
+            for view in views {
+                let image = view.image(place, *bone);
                 let distance = view.volume.at(image).0;
-                if distance < THERE && is_off_body(frame, image) {
-                    there += 1;
-                } else {
-                    misses += 1;
+                left -= distance.max(0.0);
+                if left < 0.0 {
+                    return false;
                 }
-                if share(views.len() - misses) < needed {
-                    return None;
+                // Where the body is, anything would be: those frames tell nothing.
+                if let Some(is_worn) = view.is_worn(image, distance) {
+                    off_body += 1;
+                    worn += usize::from(is_worn);
                 }
-                sum += distance;
-                squares += distance * distance;
             }
-            let count = views.len() as f32;
-            (share(there) >= needed).then_some((bone, squares / count - (sum / count).powi(2)))
+            off_body as f32 >= FEWEST_OFF_BODY * count && worn as f32 >= EXPLAINED * off_body as f32
         };
-        // Of bones that explain it the one that keeps it most nearly in place.
-        match bones.iter().filter_map(|bone| of_bone(*bone)).min_by(|a, b| a.1.total_cmp(&b.1)) {
-            Some((bone, _)) => Self::Bone(bone),
-            None => Self::Nothing,
-        }
+        let bones = bones.iter().copied().filter(explains).collect();
+        Self { body_model: there as f32 >= EXPLAINED * count, bones }
     }
-}
-
-/// Whether a point is outside a frame's registered body, and not close to it.
-fn is_off_body(frame: &PreparedFrame, point: Vec3) -> bool {
-    let scan = frame.supervision.scan();
-    scan.is_some_and(|scan| {
-        scan.body.surface().closest_within(point, OFF_BODY).is_none() && !scan.body.is_inside(point)
-    })
 }
 
 /// The mean of rows, at least one.

@@ -209,12 +209,13 @@ mod tests {
     }
 
     /// Eight frames in which a block and the second of two bones move along x by these steps, while the first bone rests.
-    fn views(block: f32, bone: f32, places: &[Vec3]) -> Vec<View> {
+    fn views<'a>(block: f32, bone: f32, places: &[Vec3], body: &'a SolidIndex) -> Vec<View<'a>> {
         let view = |step: f32| {
             let mut mesh = cuboid();
             mesh.vertices.iter_mut().for_each(|vertex| vertex.x += block * step);
             View {
                 volume: DistanceVolume::new(&mesh, &SolidIndex::new(&mesh).unwrap()),
+                body,
                 bones: vec![(Mat3::IDENTITY, Vec3::ZERO), (Mat3::IDENTITY, bone * step * Vec3::X)],
                 places: places.to_vec(),
             }
@@ -238,7 +239,8 @@ mod tests {
     #[test]
     fn places_go_with_the_bone_that_their_surface_goes_with() {
         let places = [Vec3::new(0.29, 0.03, 0.02), Vec3::new(0.3, -0.04, 0.05), Vec3::new(0.31, 0.0, -0.06)];
-        let views = views(0.006, 0.006, &places);
+        let body = SolidIndex::new(&cuboid()).unwrap();
+        let views = views(0.006, 0.006, &places, &body);
         let spread = |place: usize, row: &Row| {
             let distances: Vec<f32> = views.iter().map(|view| view.distance(place, row)).collect();
             let mean = distances.iter().sum::<f32>() / distances.len() as f32;
@@ -254,7 +256,8 @@ mod tests {
     #[test]
     fn places_whose_surface_goes_with_their_own_bone_keep_it() {
         let places = [Vec3::new(0.29, 0.03, 0.02), Vec3::new(0.31, 0.0, -0.06)];
-        for row in refined(&views(0.0, 0.006, &places), &places) {
+        let body = SolidIndex::new(&cuboid()).unwrap();
+        for row in refined(&views(0.0, 0.006, &places, &body), &places) {
             assert!(weight_of(&row, 0) > 0.99, "{row:?}");
         }
     }

@@ -127,10 +127,11 @@ impl<'a> CanonicalBody<'a> {
         self.unseen = SurfaceSampler::new(mesh, Some(&unseen)).ok();
     }
 
-    /// Lets what is worn be as far from the body as it is: there, distance says nothing of which side a point is on.
-    pub fn wear(&mut self, is_worn: impl Fn(Vec3) -> bool + Sync) {
+    /// Lets what is worn be as far from the body as it is, given the distance to it where it is near: there, that to the body says nothing
+    /// of which side a point is on, or which of its roots is its own.
+    pub fn wear(&mut self, worn: impl Fn(Vec3) -> Option<f32> + Sync) {
         if let Some(distances) = Arc::get_mut(&mut self.distances) {
-            distances.wear(CERTAINLY_OUTSIDE, is_worn);
+            distances.wear(worn);
         }
     }
 

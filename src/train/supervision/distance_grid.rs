@@ -8,6 +8,9 @@ use crate::mesh::SolidIndex;
 /// Distance between nodes, metres.
 const SPACING: f32 = 0.025;
 
+/// How much of the distance to the body counts where something is worn.
+const ORDER: f32 = 0.05;
+
 /// A field of distances on a regular grid.
 #[derive(Debug)]
 pub struct DistanceGrid {
@@ -26,16 +29,15 @@ impl DistanceGrid {
         grid
     }
 
-    /// Brings the nodes where something is worn within `reach` of the body, in the order of their distances.
-    pub fn wear(&mut self, reach: f32, is_worn: impl Fn(Vec3) -> bool + Sync) {
-        let half = reach / 2.0;
+    /// Takes the nodes outside the body that something is worn near for as far as they are from that; of those in what is worn, the ones
+    /// nearer to the body are still deeper.
+    pub fn wear(&mut self, worn: impl Fn(Vec3) -> Option<f32> + Sync) {
         let positions: Vec<Vec3> = (0..self.values.len()).map(|index| self.position(index as u32)).collect();
-        self.values.par_iter_mut().zip(positions).filter(|(value, at)| **value > half && is_worn(*at)).for_each(
-            |(value, _)| {
-                // Half the reach is left for any distance beyond the other half.
-                *value = half + half * (*value - half) / (*value - half + reach);
-            },
-        );
+        self.values.par_iter_mut().zip(positions).filter(|(value, _)| **value > 0.0).for_each(|(value, at)| {
+            if let Some(distance) = worn(at) {
+                *value = value.min(distance.max(0.0) + ORDER * *value);
+            }
+        });
     }
 
     /// The nodes whose distance is below `level`.
@@ -92,5 +94,21 @@ mod tests {
             assert!((distances.at(point) - exact).abs() < 2e-3, "{point:?}");
         }
         assert!(distances.at([5.0, 0.0, 0.0]) > 0.1);
+    }
+
+    #[test]
+    fn what_is_worn_brings_places_off_the_body_near_and_leaves_those_in_it() {
+        let mut grid = DistanceGrid {
+            low: Vec3::ZERO,
+            nodes: UVec3::splat(2),
+            values: vec![-0.1, 0.1, 0.2, 0.3, 0.1, 0.1, 0.1, 0.1],
+        };
+        grid.wear(|at| (at.z == 0.0).then_some(if at.y == 0.0 { 0.01 } else { -0.02 }));
+        let expected = [-0.1, 0.015, 0.01, 0.015, 0.1, 0.1, 0.1, 0.1];
+        assert!(
+            grid.values.iter().zip(expected).all(|(value, wanted)| (value - wanted).abs() < 1e-6),
+            "{:?}",
+            grid.values
+        );
     }
 }
