@@ -76,6 +76,7 @@ pub use xavatar_body as body;
 pub use xavatar_data as data;
 pub use xavatar_formats as formats;
 pub use xavatar_landmarks as landmarks;
+pub use xavatar_learned as learned;
 pub use xavatar_mesh as mesh;
 pub use xavatar_register as register;
 pub use xavatar_render as render;

@@ -41,6 +41,12 @@ impl BlendShapes {
         Self { directions }
     }
 
+    /// These directions (K) of (V, 3) numbers each, or empty where one moves nothing.
+    pub fn from_directions(directions: Vec<Vec<f32>>) -> Self {
+        let kept = |row: Vec<f32>| if row.iter().all(|offset| *offset == 0.0) { Vec::new() } else { row };
+        Self { directions: directions.into_iter().map(kept).collect() }
+    }
+
     /// The `columns` of these directions, for these vertices.
     pub(super) fn of_vertices(&self, vertices: &[usize], columns: impl IntoIterator<Item = usize>) -> Self {
         let direction = |column: usize| {

@@ -17,7 +17,7 @@ const AT_REST: f64 = 6.0;
 const NEGLIGIBLE: f64 = 1e-4;
 
 /// A direction of the body and what it does to the joint.
-pub(crate) struct Motion<'a> {
+pub struct Motion<'a> {
     /// What a unit moves the vertices by (V).
     pub offsets: &'a [DVec3],
     /// What it moves the joint by.
@@ -27,7 +27,7 @@ pub(crate) struct Motion<'a> {
 }
 
 /// A joint and what its row may use.
-pub(crate) struct JointFit<'a> {
+pub struct JointFit<'a> {
     /// (V).
     pub template: &'a [DVec3],
     /// Where the joint is at rest.

@@ -70,6 +70,24 @@ impl BodyModel {
         Ok(BodyPart { model: Self::assemble(self.path(), part)?, vertices, joints })
     }
 
+    /// The vertices that follow a joint or what hangs on it most, ascending.
+    ///
+    /// # Errors
+    /// [`Error::Value`] if the skeleton has no such joint.
+    pub fn vertices_from(&self, joint: &str) -> Result<Vec<usize>> {
+        let skeleton = &self.anatomy.skeleton;
+        let Some(first) = skeleton.joint(joint) else {
+            let expected = format!("one of {}", skeleton.joints.join(", "));
+            return Err(Error::Value { name: "a joint of the body".into(), found: joint.into(), expected });
+        };
+        let hangs = |joint: usize| {
+            std::iter::successors(Some(joint), |joint| skeleton.parents[*joint]).any(|above| above == first)
+        };
+        let rows = self.anatomy.skinning_weights.chunks_exact(skeleton.joints.len());
+        let share = |row: &[f32]| (0..row.len()).filter(|joint| hangs(*joint)).map(|joint| row[joint]).sum::<f32>();
+        Ok(rows.enumerate().filter(|(_, row)| share(row) > 0.5).map(|(vertex, _)| vertex).collect())
+    }
+
     /// The joints that a part keeps, ascending, the root first.
     fn joints_of(&self, vertices: &[usize], negligible: f32) -> Vec<usize> {
         let (parents, count) = (&self.anatomy.skeleton.parents, self.anatomy.skeleton.joints.len());

@@ -92,6 +92,18 @@ fn difference(whole: &BodyModel, part: &BodyPart, batch: &PoseBatch<f64>) -> f64
 }
 
 #[test]
+fn vertices_are_those_that_a_joint_and_what_hangs_on_it_move_most() {
+    let golden = reference::numbers("part_separation");
+    let whole = body(&golden, Correctives::None);
+    let found = whole.vertices_from("joint_3").unwrap();
+    for (vertex, row) in golden["weights"].chunks_exact(JOINTS).enumerate() {
+        assert_eq!(found.contains(&vertex), row[3] + row[4] + row[5] > 0.5, "{vertex}");
+    }
+    let message = whole.vertices_from("head").unwrap_err().to_string();
+    assert!(message.contains("head, expected one of joint_0, joint_1"), "{message}");
+}
+
+#[test]
 fn the_part_of_the_reference_has_its_joints_and_equals_the_whole() {
     let golden = reference::numbers("part_separation");
     let whole = body(&golden, quaternions(&golden));
@@ -128,6 +140,11 @@ fn parts_equal_the_whole_whatever_drives_the_correctives() {
             let part = whole.separated(vertices, 0.0).unwrap();
             assert!(difference(&whole, &part, &batch(&golden)) < 1e-12);
         }
+        // So does what is read again of the part's file.
+        let part = whole.separated(&vertices, 0.0).unwrap();
+        let arrays = part.model.to_arrays();
+        let read = BodyModel::from_arrays_with(Path::new("part"), &arrays, crate::Coefficients::All).unwrap();
+        assert!(difference(&whole, &BodyPart { model: read, ..part }, &batch(&golden)) < 1e-5);
         // A tolerance costs what it says: joints without weight go.
         let part = whole.separated(&vertices, 1.0).unwrap();
         assert!(part.joints.len() <= 7 && difference(&whole, &part, &batch(&golden)) < 0.5);

@@ -9,7 +9,7 @@ pub mod smpl;
 pub mod smplh;
 pub mod smplx;
 mod star;
-mod supr;
+pub(crate) mod supr;
 
 use std::path::Path;
 
@@ -34,9 +34,9 @@ struct Family {
     read: fn(&ModelFile, Coefficients) -> Result<Anatomy>,
 }
 
-/// The families that are read; of two that recognise a file the first.
+/// The families that are read; of two that recognise a file the first: SUPR's layout is one of any joints.
 const FAMILIES: [Family; 7] =
-    [smplx::FAMILY, smplh::FAMILY, star::FAMILY, smpl::FAMILY, mano::FAMILY, flame::FAMILY, supr::FAMILY];
+    [supr::FAMILY, smplx::FAMILY, smplh::FAMILY, star::FAMILY, smpl::FAMILY, mano::FAMILY, flame::FAMILY];
 
 /// Reads the arrays of a model's file, whichever family it is of.
 pub(super) fn read(path: &Path, arrays: &ArrayMap, coefficients: Coefficients) -> Result<Anatomy> {

@@ -260,3 +260,18 @@ fn limits_hold_and_have_their_slopes() {
         assert!(((moved(step) - moved(-step)) / (2.0 * step) - slopes[at]).abs() < 1e-8);
     }
 }
+
+#[test]
+fn a_model_written_in_the_common_layout_reads_as_itself() {
+    for name in ["smpl", "smplh", "smplx", "mano", "flame", "star"] {
+        let (model, golden) = family(name);
+        let written = BodyModel::from_arrays_with(model.path(), &model.to_arrays(), Coefficients::All).unwrap();
+        assert_eq!(written.skeleton().joints, model.skeleton().joints, "{name}");
+        assert_eq!(written.expression_coefficients(), model.expression_coefficients(), "{name}");
+        assert_eq!(written.hands().len(), if name == "mano" { 0 } else { model.hands().len() }, "{name}");
+        let batch = batch(&golden);
+        let posed = written.pose_batch(&batch).unwrap();
+        let difference = largest_difference(posed.vertices.as_flattened(), &golden["vertices"]);
+        assert!(difference < 1e-5, "{name}: {difference}");
+    }
+}

@@ -1,10 +1,15 @@
-//! `xavatar body`: body models of every family: what they hold, posing them, making them of other data.
+//! `xavatar body`: body models of every family: what they hold, posing them, making them of other data, training and measuring them.
 
 mod convert;
 mod description;
+mod eval;
 mod import;
 mod info;
+mod personal;
 mod pose;
+mod separate;
+mod synth;
+mod train;
 
 use clap::Subcommand;
 
@@ -12,7 +17,7 @@ use super::{Outcome, json, outputs};
 
 pub use description::BodyDescription;
 
-/// Look at body models of any family, pose them, import and convert them
+/// Look at body models of any family, pose, import, convert, train and measure them
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     xavatar body info models/MANO_LEFT.pkl\n  \
@@ -31,6 +36,11 @@ enum Verb {
     #[command(subcommand)]
     Import(import::Import),
     Convert(convert::Convert),
+    Synth(synth::Synth),
+    Train(train::Train),
+    Personal(personal::Personal),
+    Separate(separate::Separate),
+    Eval(eval::Eval),
 }
 
 impl Body {
@@ -40,6 +50,11 @@ impl Body {
             Verb::Pose(verb) => verb.run(),
             Verb::Import(verb) => verb.run(),
             Verb::Convert(verb) => verb.run(),
+            Verb::Synth(verb) => verb.run(),
+            Verb::Train(verb) => verb.run(),
+            Verb::Personal(verb) => verb.run(),
+            Verb::Separate(verb) => verb.run(),
+            Verb::Eval(verb) => verb.run(),
         }
     }
 }

@@ -243,17 +243,21 @@ fn subject(file: &Path, folder: &Path) -> PathBuf {
 fn goes_all_the_way(name: &str, motion_of_a_body_drives_it: bool) {
     let folder: TempDir = tempfile::tempdir().unwrap();
     let body = fleshed(name, folder.path());
-    let subject = subject(&body, folder.path());
+    file_goes_all_the_way(&body, &folder, motion_of_a_body_drives_it);
+}
+
+fn file_goes_all_the_way(body: &Path, folder: &TempDir, motion_of_a_body_drives_it: bool) {
+    let subject = subject(body, folder.path());
     let [run, animation, glb] = ["run", "animation", "avatar.glb"].map(|inner| folder.path().join(inner));
     let arguments =
-        ["train", text(&subject), "--body", text(&body), "--out", text(&run), "--preset", "demo", "--steps", "40"];
+        ["train", text(&subject), "--body", text(body), "--out", text(&run), "--preset", "demo", "--steps", "40"];
     let settings = TINY.iter().flat_map(|setting| ["--set", setting]);
     let arguments: Vec<String> = arguments.into_iter().chain(settings).map(str::to_owned).collect();
     assert_outcome(&borrowed(&arguments), 0, &["avatar.safetensors"]);
-    let family = BodyModel::load(&body, Gender::Neutral).unwrap().skeleton().description();
+    let family = BodyModel::load(body, Gender::Neutral).unwrap().skeleton().description();
     assert_outcome(&["info", text(&run)], 0, &[&family]);
 
-    let joints = read_npz(&body).unwrap()["kintree_table"].shape[1];
+    let joints = read_npz(body).unwrap()["kintree_table"].shape[1];
     let poses = folder.path().join("poses.npz");
     write_npz(&poses, &[("poses".to_owned(), array(&[2, 3 * joints], vec![0.05; 6 * joints]))].into()).unwrap();
     let motion = if joints == smplx::joint::COUNT { "dance" } else { text(&poses) };
@@ -262,7 +266,7 @@ fn goes_all_the_way(name: &str, motion_of_a_body_drives_it: bool) {
         text(&run),
         motion,
         "--body",
-        text(&body),
+        text(body),
         "--out",
         text(&animation),
         "--resolution",
@@ -278,7 +282,7 @@ fn goes_all_the_way(name: &str, motion_of_a_body_drives_it: bool) {
         "--motion",
         motion,
         "--body",
-        text(&body),
+        text(body),
         "--out",
         text(&glb),
         "--resolution",
@@ -323,4 +327,49 @@ fn star_goes_all_the_way() {
 #[test]
 fn supr_goes_all_the_way() {
     goes_all_the_way("tiny_supr.npy", false);
+}
+
+// The built-in options are for thousands of vertices and dozens of people: here it is the road that counts.
+#[test]
+fn a_trained_body_is_a_body_like_any_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let start = fleshed("tiny_smpl.npz", folder.path());
+    let people = at("people");
+    let arguments =
+        ["body", "synth", "--body", text(&start), "--subjects", "3", "--poses", "12", "--out", text(&people)];
+    assert_outcome(&arguments, 0, &["36 registrations of 3 people, 144 vertices each"]);
+    assert_eq!(std::fs::read_dir(people.join("02")).unwrap().count(), 12);
+    for (kind, family, joints) in [("star", "STAR", "spine1"), ("supr", "SUPR", "spine1")] {
+        let out = at(&format!("{kind}.npz"));
+        let arguments = ["body", "train", text(&people), "--from", text(&start), "--kind", kind, "--out", text(&out)];
+        assert_outcome(&arguments, 0, &[family, "36 registrations of 3 people, "]);
+        assert_outcome(&["body", "info", text(&out)], 0, &[&format!("{family} body model"), joints]);
+        assert_outcome(&arguments, 1, &["exists already"]);
+    }
+    let star = at("star.npz");
+    let json = at("eval.json");
+    let arguments = ["body", "eval", text(&star), text(&people), "--coefficients", "2,300", "--json", text(&json)];
+    assert_outcome(&arguments, 0, &["36 registrations of 3 people", "joints from where they are known to be"]);
+    let of = |json: &Path| -> serde_json::Value { serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap() };
+    let trained = of(&json)["shapes"][1]["mean_mm"].as_f64().unwrap();
+    let before = at("before.json");
+    assert_outcome(&["body", "eval", text(&start), text(&people), "--json", text(&before)], 0, &[]);
+    let untrained = of(&before)["shapes"].as_array().unwrap().last().unwrap()["mean_mm"].as_f64().unwrap();
+    assert!(trained < untrained, "{trained} {untrained}");
+    assert_outcome(&["body", "eval", text(&star), text(&at("nothing"))], 1, &["nothing"]);
+
+    let [person, sure] = ["person.npz", "sure.ply"].map(at);
+    let first = people.join("00/0000.ply");
+    let arguments = ["body", "personal", text(&first), "--body", text(&star), "--out", text(&person)];
+    let options = ["--deviations", text(&sure)];
+    assert_outcome(&[&arguments[..], &options].concat(), 0, &["a body of 1 registrations", "most probable"]);
+    assert_eq!(read_mesh(&sure).unwrap().mesh.vertices.len(), 144);
+    assert_outcome(&["body", "info", text(&person)], 0, &["144 vertices", "left_knee"]);
+
+    let foot = at("foot.npz");
+    let arguments = ["body", "separate", text(&at("supr.npz")), "--part", "left_foot", "--out", text(&foot)];
+    assert_outcome(&arguments, 0, &["12 of 144 vertices"]);
+    assert_outcome(&["body", "info", text(&foot)], 0, &["SUPR body model", "left_ankle"]);
+    file_goes_all_the_way(&star, &folder, true);
 }

@@ -1,0 +1,83 @@
+//! `xavatar body eval`: how well a body fits registrations.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use serde::Serialize;
+use xavatar::body::{BodyModel, Coefficients};
+use xavatar::learned::evaluation::{Evaluation, evaluate};
+use xavatar::learned::registrations::Registrations;
+use xavatar::learned::truth::KnownTruth;
+
+use super::Outcome;
+use super::json::JsonArgument;
+use crate::cli::progress::Progress;
+
+/// Measure how near a body comes to registrations, by the number of its coefficients
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    xavatar body eval trained.npz unseen-people --json eval.json\n  \
+    xavatar body eval models/SMPLX_NEUTRAL.npz 00901 --coefficients 2,5,10\n\n\
+    Registrations are meshes in the body's topology: folders of people, X-Humans' subjects, FAUST's tr_reg_000.ply.")]
+pub struct Eval {
+    /// A model's file: .npz, .pkl, or SUPR's .npy
+    #[arg(value_name = "BODY")]
+    body: PathBuf,
+    /// Folders of registrations, or meshes
+    #[arg(value_name = "REGISTRATIONS", required = true)]
+    registrations: Vec<PathBuf>,
+    /// Numbers of coefficients that are fitted; those that the body has, and always all of them
+    #[arg(long, value_name = "K,...", value_delimiter = ',', default_value = "1,2,5,10,16,32,64,100,300")]
+    coefficients: Vec<usize>,
+    #[command(flatten)]
+    json: JsonArgument,
+}
+
+/// What is printed.
+#[derive(Serialize)]
+#[serde(transparent)]
+struct Table(Evaluation);
+
+impl Eval {
+    pub fn run(self) -> anyhow::Result<Outcome> {
+        self.json.check()?;
+        let arrays = BodyModel::read_arrays(&self.body)?;
+        let model = BodyModel::from_arrays_with(&self.body, &arrays, Coefficients::All)?;
+        let registrations = Registrations::find(&self.registrations, model.vertex_count())?;
+        let truth = KnownTruth::find(&self.registrations)?;
+        let mut progress = Progress::new();
+        let found = evaluate(&model, &registrations, &self.coefficients, truth.as_ref(), |share| {
+            progress.show("fitting", share, "people");
+            Ok(())
+        })?;
+        progress.finish();
+        let table = Table(found);
+        self.json.print(&table, &table)?;
+        Ok(Outcome::Done)
+    }
+}
+
+impl fmt::Display for Table {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Evaluation { frames, subjects, shapes, poses_mm, by_subject, truth } = &self.0;
+        writeln!(formatter, "{frames} registrations of {subjects} people")?;
+        writeln!(formatter, "{:>12}  {:>8}  {:>9}", "coefficients", "mean mm", "AUC 10 mm")?;
+        for at in shapes {
+            writeln!(formatter, "{:>12}  {:>8.3}  {:>9.4}", at.coefficients, at.mean_mm, at.auc)?;
+        }
+        if let Some(poses) = poses_mm {
+            writeln!(formatter, "other poses in the shape of the first: {poses:.3} mm")?;
+        }
+        if let Some(worst) = by_subject.iter().max_by(|one, other| one.mean_mm.total_cmp(&other.mean_mm)) {
+            writeln!(formatter, "worst: {}, {:.3} mm", worst.name, worst.mean_mm)?;
+        }
+        let Some(truth) = truth else { return Ok(()) };
+        if let Some(joints) = truth.joints_mm {
+            writeln!(formatter, "joints from where they are known to be: {joints:.2} mm")?;
+        }
+        match truth.support_f1 {
+            Some(f1) => writeln!(formatter, "correctives' support: F1 {f1:.3}"),
+            None => Ok(()),
+        }
+    }
+}

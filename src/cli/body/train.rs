@@ -1,0 +1,157 @@
+//! `xavatar body train`: a STAR or SUPR body of registrations.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use serde::Serialize;
+use xavatar::body::{BodyModel, Coefficients, smpl};
+use xavatar::formats::write_npz;
+use xavatar::learned::core::Family;
+use xavatar::learned::registrations::Registrations;
+use xavatar::learned::sparse::{Kind, Progress as Round, Training};
+use xavatar::synthetic::BuiltInSubject;
+
+use super::json::JsonArgument;
+use super::{Outcome, outputs};
+use crate::cli::progress::Progress;
+
+/// Fewer people or poses than these do not tell shape from pose.
+const ENOUGH: (usize, usize) = (10, 30);
+
+/// Train a body model on registrations: template, joints, weights, shapes, sparse pose correctives
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    xavatar body synth --out people && xavatar body train people --out body.npz\n  \
+    xavatar body train registrations --from models/SMPLX_NEUTRAL.npz --out body.npz\n  \
+    xavatar body train dfaust --from models/SMPL_NEUTRAL.pkl --kind star --out star.npz\n\n\
+    Registrations are meshes in the topology of the body that training begins with: a folder a person, X-Humans' subjects, FAUST's files. \
+    The result is a body file for every verb with --body (docs/trained-bodies.md).")]
+pub struct Train {
+    /// Folders of registrations
+    #[arg(value_name = "REGISTRATIONS", required = true)]
+    registrations: Vec<PathBuf>,
+    /// The model to write, .npz
+    #[arg(long, value_name = "BODY.npz")]
+    out: PathBuf,
+    /// Body that training begins with: skeleton, weights, topology; without it the built-in one
+    #[arg(long, value_name = "BODY")]
+    from: Option<PathBuf>,
+    /// What the file is: star for SMPL's 24 joints, supr for any; without it by the joints
+    #[arg(long, value_enum, value_name = "KIND")]
+    kind: Option<FileKind>,
+    /// Pose correctives: sparse, dense as SMPL's, or none
+    #[arg(long, value_enum, value_name = "HOW", default_value = "sparse")]
+    correctives: Correctives,
+    /// Leave skinning weights as they are
+    #[arg(long)]
+    keep_weights: bool,
+    #[command(flatten)]
+    json: JsonArgument,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum FileKind {
+    Star,
+    Supr,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Correctives {
+    Sparse,
+    Dense,
+    None,
+}
+
+/// What was trained.
+#[derive(Serialize)]
+struct Trained<'a> {
+    file: &'a PathBuf,
+    family: String,
+    subjects: usize,
+    registrations: usize,
+    shapes: usize,
+    /// After each round, of registrations that were held out, the first with plain skinning.
+    held_out_mm: Vec<f64>,
+    /// The share of corrective blocks that are not zero.
+    density: f64,
+    heaviness_correlation: Option<f64>,
+    symmetric: bool,
+}
+
+impl Train {
+    pub fn run(self) -> anyhow::Result<Outcome> {
+        outputs::new_file(&self.out)?;
+        self.json.check()?;
+        let start: BodyModel = match &self.from {
+            Some(path) => BodyModel::from_arrays(path, &BodyModel::read_arrays(path)?)?,
+            None => BuiltInSubject::new()?.model().clone(),
+        };
+        let registrations = Registrations::find(&self.registrations, start.vertex_count())?;
+        let fewest = registrations.subjects.iter().map(|subject| subject.frames.len()).min().unwrap_or_default();
+        if registrations.subjects.len() < ENOUGH.0 || fewest < ENOUGH.1 {
+            log::warn!(
+                "{} people, one with {fewest} poses: shape and pose are told apart by {} people in {} poses each",
+                registrations.subjects.len(),
+                ENOUGH.0,
+                ENOUGH.1
+            );
+        }
+        let family = match self.kind {
+            Some(FileKind::Star) => Family::Star,
+            Some(FileKind::Supr) => Family::Supr,
+            None if start.skeleton().joints == smpl::skeleton().joints => Family::Star,
+            None => Family::Supr,
+        };
+        let kind = match self.correctives {
+            Correctives::Sparse => Kind::Sparse,
+            Correctives::Dense => Kind::Dense,
+            Correctives::None => Kind::Plain,
+        };
+        let mut progress = Progress::new();
+        let training = Training { family, kind, weights: !self.keep_weights };
+        let trained = training.train(&start, &registrations, |round: Round| {
+            let done = round.round * round.subjects + round.done;
+            let message = format!("round {}, person {} of {}", round.round + 1, round.done + 1, round.subjects);
+            progress.show("training", done as f64 / (round.rounds * round.subjects) as f64, &message);
+            Ok(())
+        })?;
+        progress.finish();
+        let body = BodyModel::from_arrays_with(&self.out, &trained.arrays, Coefficients::All)?;
+        write_npz(&self.out, &trained.arrays)?;
+        let written = Trained {
+            file: &self.out,
+            family: body.skeleton().family.clone(),
+            subjects: registrations.subjects.len(),
+            registrations: registrations.frames(),
+            shapes: body.shape_coefficients(),
+            held_out_mm: trained.held_out.iter().map(|distance| distance * 1e3).collect(),
+            density: trained.correctives.density(body.skeleton().joints.len() - 1),
+            heaviness_correlation: trained.heaviness,
+            symmetric: trained.is_symmetric,
+        };
+        self.json.print(&written, &written)?;
+        Ok(Outcome::Done)
+    }
+}
+
+impl fmt::Display for Trained<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { file, family, subjects, registrations, shapes, density, .. } = self;
+        writeln!(
+            formatter,
+            "{}: a {family} body of {registrations} registrations of {subjects} people, {shapes} shapes",
+            file.display()
+        )?;
+        let distances: Vec<String> = self.held_out_mm.iter().map(|distance| format!("{distance:.2}")).collect();
+        writeln!(formatter, "held out, after each round: {} mm", distances.join(", "))?;
+        writeln!(formatter, "corrective blocks that are not zero: {:.1} %", 100.0 * density)?;
+        if let Some(correlation) = self.heaviness_correlation {
+            writeln!(formatter, "the second coefficient and volume over height cubed: correlation {correlation:.2}")?;
+        }
+        match self.symmetric {
+            true => Ok(()),
+            false => writeln!(formatter, "the template is not its own mirror image: no symmetry was asked for"),
+        }
+    }
+}
