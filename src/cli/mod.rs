@@ -133,6 +133,7 @@ fn option(choice: Choice) -> Cow<'static, str> {
         Choice::ContinueRun => "--resume".into(),
         Choice::StartRun => "the same command without --resume".into(),
         Choice::Accept(defect) => format!("--accept {defect}").into(),
+        Choice::RecordPlacement => "--fix".into(),
         Choice::CheckData => "xavatar check".into(),
         Choice::BoneMap => "--bones map.toml".into(),
         Choice::UpAxis => "--up, --from camera".into(),

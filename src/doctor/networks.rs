@@ -14,7 +14,7 @@ use xavatar_vector::{Matrix, MatrixMut, Write, product};
 use super::Seconds;
 use crate::body::smplx;
 use crate::config::{Config, SkinningSettings};
-use crate::fields::{BLOCK_ROWS, Condition};
+use crate::fields::{BLOCK_ROWS, Condition, PerField};
 use crate::{Error, InputError, Result};
 
 /// Rows, inner extent and columns of the reference products: large, and as one block of the geometry network.
@@ -95,7 +95,7 @@ pub struct Networks {
 struct Worker {
     trace: Trace<f32>,
     skinning: SkinningTrace<f32>,
-    gradients: [MlpGradient<f32>; 3],
+    gradients: PerField<MlpGradient<f32>>,
     weights: Vec<f32>,
     slopes: Vec<f32>,
     cotangent: Vec<f32>,
@@ -134,7 +134,11 @@ impl Networks {
         let worker = || Worker {
             trace: Trace::default(),
             skinning: SkinningTrace::default(),
-            gradients: [geometry.mlp.zero_gradient(), texture.mlp.zero_gradient(), skinning.mlp().zero_gradient()],
+            gradients: PerField {
+                geometry: geometry.mlp.zero_gradient(),
+                texture: texture.mlp.zero_gradient(),
+                skinning: skinning.mlp().zero_gradient(),
+            },
             weights: vec![0.0; BLOCK_ROWS * joints],
             slopes: vec![0.0; 3 * BLOCK_ROWS * joints],
             cotangent: vec![1.0; 3 * BLOCK_ROWS],
@@ -196,7 +200,13 @@ impl Networks {
                     if case == NetworkCase::GeometryNormalStep {
                         let values = &cotangent[..BLOCK_ROWS];
                         geometry.mlp.input_gradient(trace, values);
-                        geometry.mlp.backward(trace, values, Some(along), Backward::Parameters, &mut gradients[0]);
+                        geometry.mlp.backward(
+                            trace,
+                            values,
+                            Some(along),
+                            Backward::Parameters,
+                            &mut gradients.geometry,
+                        );
                     }
                 }
                 NetworkCase::TextureForward | NetworkCase::TextureStep => {
@@ -204,13 +214,19 @@ impl Networks {
                     texture.mlp.forward(trace, texture_points[rows].as_flattened(), embedded, features);
                     if case == NetworkCase::TextureStep {
                         let wanted = Backward::ParametersAndPoints;
-                        texture.mlp.backward(trace, cotangent, None, wanted, &mut gradients[1]);
+                        texture.mlp.backward(trace, cotangent, None, wanted, &mut gradients.texture);
                     }
                 }
                 NetworkCase::SkinningForward => skinning.weights(skinning_trace, &points[rows], weights),
                 NetworkCase::SkinningStep => {
                     skinning.weights_and_gradients(skinning_trace, &points[rows], weights, slopes);
-                    skinning.backward(skinning_trace, weights, Some(slopes), Backward::Parameters, &mut gradients[2]);
+                    skinning.backward(
+                        skinning_trace,
+                        weights,
+                        Some(slopes),
+                        Backward::Parameters,
+                        &mut gradients.skinning,
+                    );
                 }
             }
         };

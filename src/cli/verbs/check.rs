@@ -10,10 +10,10 @@ use xavatar::data::{
 };
 use xavatar::register::job::score_registration;
 
-use crate::cli::Outcome;
 use crate::cli::options::inputs::{SubjectArguments, load_body};
 use crate::cli::output::json::JsonArgument;
 use crate::cli::output::progress::Progress;
+use crate::cli::{Outcome, option};
 
 /// Report what would go wrong in training: frames, units, places, distances, conventions, broken scans
 ///
@@ -202,6 +202,11 @@ fn write_distances<'a>(
     Ok(())
 }
 
+fn write_finding(f: &mut Formatter<'_>, kind: &str, Finding { name, message, choice, .. }: &Finding) -> fmt::Result {
+    let advice = choice.map_or_else(String::new, |choice| format!(" ({})", option(choice)));
+    writeln!(f, "{kind} ({name}): {message}{advice}")
+}
+
 fn write_verdict(
     f: &mut Formatter<'_>,
     ready: &str,
@@ -213,10 +218,10 @@ fn write_verdict(
         writeln!(f, "unusable: {}: {}", frame.frame, frame.reason)?;
     }
     for warning in warnings {
-        writeln!(f, "warning ({}): {}", warning.name, warning.message)?;
+        write_finding(f, "warning", warning)?;
     }
     for problem in problems {
-        writeln!(f, "problem ({}): {}", problem.name, problem.message)?;
+        write_finding(f, "problem", problem)?;
     }
     writeln!(f, "{}{ready}", if problems.is_empty() { "" } else { "not " })
 }

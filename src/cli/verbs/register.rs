@@ -155,12 +155,11 @@ pub fn registered_first(
     run: &Path,
     models: Option<PathBuf>,
 ) -> anyhow::Result<Option<PathBuf>> {
-    let scans = match Subject::open(data) {
-        Ok(subject) if subject.has_bodies() => return Ok(Some(data.into())),
-        _ => Scans::open(data, &[]),
-    };
+    if Subject::has_registrations(data) {
+        return Ok(Some(data.into()));
+    }
     // What is wrong with data that are no scans either is for the one who opens them to say.
-    let Ok(scans) = scans else { return Ok(Some(data.into())) };
+    let Ok(scans) = Scans::open(data, &[]) else { return Ok(Some(data.into())) };
     let mut name = run.file_name().unwrap_or_default().to_os_string();
     name.push("-registered");
     let out = run.with_file_name(name);
