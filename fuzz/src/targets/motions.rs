@@ -40,7 +40,7 @@ fn is_clip(bytes: &[u8]) -> bool {
     // What is read must be sound: everything that follows relies on it.
     Clip::parse(Path::new("motion"), bytes, &MotionOptions::default()).is_ok_and(|clip| {
         assert!(!clip.frames.is_empty() && clip.frames_per_second.is_finite() && clip.frames_per_second > 0.0);
-        assert!(clip.frames.iter().all(|frame| frame.translation.is_finite()));
+        assert!(clip.frames.iter().all(|frame| frame.transl.is_finite()));
         true
     })
 }

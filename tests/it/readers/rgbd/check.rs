@@ -8,7 +8,7 @@ use glam::{Mat4, Vec3};
 use xavatar::data::{DepthFormat, PointCloud, RgbdCheckReport, RgbdLayout, RgbdSubject, check_rgbd};
 use xavatar::formats::{Array, Choice, read_npz, write_npz};
 
-use super::{FRAMES, SUBJECT, replace, write, written};
+use super::{FRAMES, SUBJECT, replace, written};
 
 fn report(folder: &Path) -> RgbdCheckReport {
     let subject = RgbdSubject::open(folder).unwrap();

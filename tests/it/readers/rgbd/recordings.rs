@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use tempfile::TempDir;
-use xavatar::data::{DepthFormat, RgbdFrame, RgbdLayout, RgbdSubject, read_motion, write_motion};
+use xavatar::data::{DepthFormat, RgbdFrame, RgbdLayout, RgbdSubject, Source, read_motion, write_motion};
+use xavatar::mesh::camera::PinholeCamera;
 
 use super::{FRAMES, SUBJECT, assert_alike, written};
 
