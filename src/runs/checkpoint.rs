@@ -10,7 +10,7 @@ use xavatar_formats::{TensorFile, create_folder};
 use xavatar_network::Adam;
 
 use crate::train::engine::Learned;
-use crate::train::{FieldReader, Progress, TrainingState};
+use crate::train::{Progress, TrainingState};
 use crate::{Error, InputError, Result};
 
 pub(super) const FOLDER: &str = "checkpoints";
@@ -43,11 +43,12 @@ fn to_file(learned: &Learned, progress: &Progress) -> TensorFile {
     file
 }
 
-/// The state in a run's newest checkpoint that is not damaged, if it has one. Damaged ones are removed: they are made again.
-pub(super) fn newest(run: &Path, fields: &FieldReader) -> Result<Option<TrainingState>> {
+/// Replaces a state by that of a run's newest checkpoint that is not damaged, if it has one. Damaged ones are removed: they are made
+/// again.
+pub(super) fn restore_newest(run: &Path, state: &mut TrainingState) -> Result<()> {
     for path in checkpoints(run)? {
         match TensorFile::read(&path) {
-            Ok(file) => return Ok(Some(state_in(&file, &path, fields)?)),
+            Ok(file) => return restore(&file, &path, state),
             Err(damaged @ InputError::Malformed { .. }) => {
                 log::warn!("{damaged}; going on from the checkpoint before");
                 std::fs::remove_file(&path).map_err(InputError::io(&path))?;
@@ -55,13 +56,13 @@ pub(super) fn newest(run: &Path, fields: &FieldReader) -> Result<Option<Training
             Err(other) => return Err(other.into()),
         }
     }
-    Ok(None)
+    Ok(())
 }
 
-/// The state in a file that was read at `path`.
-fn state_in(file: &TensorFile, path: &Path, fields: &FieldReader) -> Result<TrainingState> {
-    let mut learned = Learned::new(fields.read(file, path)?);
-    let Learned { fields, adam, sampled_skinning } = &mut learned;
+/// Replaces a state by the one in a file that was read at `path`.
+fn restore(file: &TensorFile, path: &Path, state: &mut TrainingState) -> Result<()> {
+    let Learned { fields, adam, sampled_skinning } = &mut state.learned;
+    fields.load_from(file)?;
     for (name, adam) in adam.as_mut().named() {
         let length = adam.first_moment.len();
         let moment = |kind: &str| stored_vector(file, path, &format!("{name}.adam.{kind}"), length);
@@ -74,14 +75,14 @@ fn state_in(file: &TensorFile, path: &Path, fields: &FieldReader) -> Result<Trai
     if file.tensors.contains_key(BAKED) {
         *sampled_skinning = Some(stored_vector(file, path, BAKED, fields.skinning.parameters().len())?);
     }
-    let progress = Progress {
+    state.progress = Progress {
         pretraining_steps: file.parsed(path, "pretraining_steps")?,
         steps: file.parsed(path, "steps")?,
         seconds: file.parsed(path, "seconds")?,
         running_loss: file.parsed(path, "running_loss")?,
         best_loss: file.parsed(path, "best_loss")?,
     };
-    Ok(TrainingState { learned, progress })
+    Ok(())
 }
 
 /// Checkpoints that are kept beside the best: a damaged one gives way to the one before.

@@ -134,8 +134,9 @@ impl<'a> Run<'a> {
         let spec = TrainingSpec { source: &cache, ..self.spec };
         let body = spec.canonical_body()?;
         let spec = TrainingSpec { body: &body, ..spec };
-        let trainer =
-            Trainer::new(spec, cache.seen_vertices(), started, |fields| checkpoint::newest(&self.folder, fields))?;
+        let trainer = Trainer::new(spec, cache.seen_vertices(), started, |state| {
+            checkpoint::restore_newest(&self.folder, state)
+        })?;
         let notes = Notes::open(&self.folder, trainer.progress().all_steps() as usize)?;
         Session { run: self, cache: &cache, body: &body, trainer, notes, observer }.train(stop)
     }

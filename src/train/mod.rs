@@ -21,4 +21,4 @@ pub use progress::Progress;
 pub use record::{Stage, StepRecord};
 pub use spec::TrainingSpec;
 pub use supervision::DistanceGrid;
-pub use trainer::{FieldReader, Trainer, TrainingState};
+pub use trainer::{Trainer, TrainingState};

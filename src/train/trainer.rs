@@ -4,12 +4,10 @@
 //! threads.
 
 use std::collections::VecDeque;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use glam::Vec3;
-use xavatar_formats::TensorFile;
 use xavatar_network::{AdamSettings, ParameterGroup};
 
 use super::clothing;
@@ -20,8 +18,7 @@ use super::frames::Frames;
 use super::progress::{Pace, Progress};
 use super::supervision::CanonicalBody;
 use super::{Stage, StepRecord, TrainingSpec};
-use crate::body::Skeleton;
-use crate::config::{Config, LossSettings};
+use crate::config::LossSettings;
 use crate::fields::{FieldRates, Fields, Poser};
 use crate::{Error, Result};
 
@@ -37,24 +34,6 @@ pub struct TrainingState {
     pub progress: Progress,
 }
 
-/// Reads the fields of a training back.
-pub struct FieldReader<'a> {
-    config: &'a Config,
-    skeleton: &'a Skeleton,
-    canonical: &'a CanonicalBody<'a>,
-}
-
-impl FieldReader<'_> {
-    /// The fields in the file at `path`.
-    ///
-    /// # Errors
-    /// If they are not those of this training.
-    pub(crate) fn read(&self, file: &TensorFile, path: &Path) -> Result<Fields<f32>> {
-        let Self { config, skeleton, canonical } = self;
-        Fields::read(file, path, &config.fields, skeleton, canonical.condition(), canonical.bounds())
-    }
-}
-
 /// A training.
 pub struct Trainer<'a> {
     spec: TrainingSpec<'a>,
@@ -68,7 +47,7 @@ pub struct Trainer<'a> {
 
 impl<'a> Trainer<'a> {
     /// A training on this machine's processors. `seen` says which of the body's vertices (V) some capture shows, `started` since when time
-    /// counts; `restore` gives the state that it goes on from, if it is no new one.
+    /// counts; `restore` may replace the state that a new training begins with.
     ///
     /// # Errors
     /// If the configuration is refused or for captures of another kind; those of `restore`.
@@ -76,7 +55,7 @@ impl<'a> Trainer<'a> {
         spec: TrainingSpec<'a>,
         seen: &[bool],
         started: Instant,
-        restore: impl FnOnce(&FieldReader) -> Result<Option<TrainingState>>,
+        restore: impl FnOnce(&mut TrainingState) -> Result<()>,
     ) -> Result<Self> {
         Self::with_engine(spec, seen, started, restore, |input| Ok(Box::new(CpuEngine::new(input)?)))
     }
@@ -89,7 +68,7 @@ impl<'a> Trainer<'a> {
         spec: TrainingSpec<'a>,
         seen: &[bool],
         started: Instant,
-        restore: impl FnOnce(&FieldReader) -> Result<Option<TrainingState>>,
+        restore: impl FnOnce(&mut TrainingState) -> Result<()>,
         make: impl FnOnce(EngineInput) -> Result<Box<dyn Engine>>,
     ) -> Result<Self> {
         spec.check()?;
@@ -100,21 +79,15 @@ impl<'a> Trainer<'a> {
         let bounds = canonical.bounds();
         let poser = Poser::for_training(config, body, labels, betas, bounds)?;
         let mut frames = Frames::new(spec);
-        let reader = FieldReader { config, skeleton: body.skeleton(), canonical: &canonical };
-        let TrainingState { learned, progress } = match restore(&reader)? {
-            Some(mut state) => {
-                poser.prune_starts(&mut state.learned.fields.skinning)?;
-                state
-            }
-            None => {
-                let skinning = poser
-                    .initial_skinning(body, |grid| clothing::fitted_rows(&mut frames, grid, body, labels, betas))?;
-                let mut fields = Fields::new(&config.fields, canonical.condition(), skinning, bounds)?;
-                fields.initialise(config.seed);
-                TrainingState { learned: Learned::new(fields), progress: Progress::default() }
-            }
-        };
-        canonical.wear(|point| poser.is_worn_at(&learned.fields.skinning, point));
+        // A training that goes on begins here too: which starts are pruned, and what weights are pulled to, is what they began as.
+        let skinning =
+            poser.initial_skinning(body, |grid| clothing::fitted_rows(&mut frames, grid, body, labels, betas))?;
+        canonical.wear(|point| poser.is_worn_at(&skinning, point));
+        let mut fields = Fields::new(&config.fields, canonical.condition(), skinning, bounds)?;
+        fields.initialise(config.seed);
+        let mut state = TrainingState { learned: Learned::new(fields), progress: Progress::default() };
+        restore(&mut state)?;
+        let TrainingState { learned, progress } = state;
         let follows_weights = learned.fields.skinning.follows_weights();
         let distances = canonical.distances().clone();
         let engine = make(EngineInput { config: config.clone(), poser, distances, learned })?;

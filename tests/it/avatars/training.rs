@@ -51,7 +51,7 @@ fn train(
     let (body, labels) = (subject.model(), subject.part_labels());
     let spec = TrainingSpec { config, source: &source, body, labels };
     let seen = vec![true; body.vertex_count()];
-    let mut trainer = Trainer::with_engine(spec, &seen, Instant::now(), |_| Ok(None), make).unwrap();
+    let mut trainer = Trainer::with_engine(spec, &seen, Instant::now(), |_| Ok(()), make).unwrap();
     let mut records = Vec::new();
     while !trainer.is_done() {
         records.extend(trainer.step().unwrap());
