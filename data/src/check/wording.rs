@@ -128,8 +128,8 @@ pub(super) fn findings_of_placement(common: &Common) -> Vec<Finding> {
         Shift::Same(shift) => {
             Some(format!("shifted: add {:.3} to x, {:.3} to y, {:.3} to z, metres", shift.x, shift.y, shift.z))
         }
-        Shift::To(Origin::Translation) => Some(format!("without `transl`, which was subtracted: add it")),
-        Shift::To(Origin::Pelvis) => Some(format!("centred at the pelvis, and the bodies are not: add its place")),
+        Shift::To(Origin::Translation) => Some("without `transl`, which was subtracted: add it".to_owned()),
+        Shift::To(Origin::Pelvis) => Some("centred at the pelvis, and the bodies are not: add its place".to_owned()),
         Shift::To(Origin::World) => None,
         Shift::Each(farthest) => Some(format!(
             "elsewhere than the bodies, each in a place of its own, up to {farthest:.2} m: put their own coordinates back, or \
