@@ -15,27 +15,17 @@ xavatar animate "$avatar" dance --body "$body" --resolution 128 --fixed-topology
 
 cat > "$folder/check.py" << 'SCRIPT'
 import pathlib
-import re
 import sys
 
 import bpy
 import numpy
 
+from vertices_of_ply import vertices_of_ply
+
 FRAMES_PER_SECOND = 30
 COMPARED = 10
 TOLERANCE = 5e-5
 folder = pathlib.Path(sys.argv[1])
-
-
-def vertices_of_ply(path):
-    """The places of a binary PLY's vertices, whose first properties are x, y and z in 32 bits."""
-    content = path.read_bytes()
-    start = content.index(b"end_header\n") + len(b"end_header\n")
-    header = content[:start].decode().split("element face")[0]
-    count = int(re.search(r"element vertex (\d+)", header)[1])
-    width = sum({"float": 4, "uchar": 1}[kind] for kind in re.findall(r"property (\w+)", header))
-    rows = numpy.frombuffer(content, numpy.uint8, count * width, start).reshape(count, width)
-    return rows[:, :12].copy().view("<f4").astype(float)
 
 
 def vertices_in_scene(body):
@@ -83,4 +73,4 @@ print(f"Blender {bpy.app.version_string}: the clip is at most {1000 * farthest:.
 print(f"the OBJ has specular {specular:.2f}, metallic {metallic:.2f}, roughness {roughness:.2f}")
 sys.exit(0 if farthest < TOLERANCE and specular == 0 and metallic == 0 else 1)
 SCRIPT
-"$python" "$folder/check.py" "$folder"
+PYTHONPATH=scripts "$python" "$folder/check.py" "$folder"

@@ -15,26 +15,16 @@ xavatar animate "$avatar" dance --body "$body" --resolution 128 --fixed-topology
 
 cat > "$folder/check.py" << 'SCRIPT'
 import pathlib
-import re
 import sys
 
 import numpy
 from pxr import Usd, UsdGeom, UsdSkel, UsdValidation, Vt
 
+from vertices_of_ply import vertices_of_ply
+
 COMPARED = 10
 TOLERANCE = 5e-5
 folder = pathlib.Path(sys.argv[1])
-
-
-def vertices_of_ply(path):
-    """The places of a binary PLY's vertices, whose first properties are x, y and z in 32 bits."""
-    content = path.read_bytes()
-    start = content.index(b"end_header\n") + len(b"end_header\n")
-    header = content[:start].decode().split("element face")[0]
-    count = int(re.search(r"element vertex (\d+)", header)[1])
-    width = sum({"float": 4, "uchar": 1}[kind] for kind in re.findall(r"property (\w+)", header))
-    rows = numpy.frombuffer(content, numpy.uint8, count * width, start).reshape(count, width)
-    return rows[:, :12].copy().view("<f4").astype(float)
 
 
 def complaints(path):
@@ -77,4 +67,4 @@ print(f"OpenUSD {'.'.join(map(str, Usd.GetVersion()))}: the clip is at most {100
 print(f"{faces} faces in the package; the checker says {found if any(found.values()) else 'nothing'}")
 sys.exit(0 if farthest < TOLERANCE and not any(found.values()) and 4900 < faces <= 5000 else 1)
 SCRIPT
-"$python" "$folder/check.py" "$folder"
+PYTHONPATH=scripts "$python" "$folder/check.py" "$folder"

@@ -61,11 +61,12 @@
 pub mod avatar;
 pub mod cohort;
 pub mod config;
+pub mod doctor;
 mod error;
 pub mod evaluate;
 pub mod export;
 pub mod fields;
-pub mod machine;
+
 pub mod report;
 pub mod runs;
 pub mod synthetic;

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use xavatar::avatar::{Animator, FixedTopology};
 use xavatar::config::Config;
-use xavatar::machine::Seconds;
+use xavatar::doctor::Seconds;
 use xavatar::runs::Run;
 use xavatar::synthetic::{BuiltInSubject, Split};
 use xavatar::train::TrainingSpec;

@@ -1,6 +1,6 @@
 //! The paper's three networks against the matrix product itself: 8,192 points, five rounds.
 
-use xavatar::machine::{NetworkCase, Networks};
+use xavatar::doctor::{NetworkCase, Networks};
 
 use crate::report::Report;
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use xavatar::machine::Seconds;
+use xavatar::doctor::Seconds;
 
 /// Row names and numbers, printed as they come.
 #[derive(Debug, Default)]

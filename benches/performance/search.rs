@@ -1,7 +1,7 @@
 //! The correspondence search alone: 10,000 points at the built-in subject's posed surface, nine starts each.
 
 use xavatar::config::SearchedField;
-use xavatar::machine::PosedSubject;
+use xavatar::doctor::PosedSubject;
 
 use crate::report::Report;
 

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::AtomicBool;
 
 use xavatar::config::Config;
-use xavatar::machine::Seconds;
+use xavatar::doctor::Seconds;
 use xavatar::runs::{Event, Observer, Run};
 use xavatar::synthetic::{BuiltInSubject, Split};
 use xavatar::train::{Stage, TrainingSpec};

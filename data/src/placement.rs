@@ -76,7 +76,7 @@ impl ScanPlacement {
         let text = read_text(&path)?;
         let placement: Self = toml::from_str(&text).map_err(|error| {
             let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-            malformed(&path, format!("line {line}"), error.message(), "what `xavatar check --fix` writes")
+            malformed(&path, format!("line {line}"), error.message(), "a placement as a check records it")
         })?;
         placement.checked(&path)?;
         Ok(Some(placement))
@@ -111,7 +111,7 @@ impl ScanPlacement {
                 remedy: "remove the file to have the scans measured as they are".into(),
             });
         }
-        let head = "# From `xavatar check --fix`: x_body = scale * turn * x_scan + shift, applied to every scan when it is read.\n\
+        let head = "# Recorded by a check: x_body = scale * turn * x_scan + shift, applied to every scan when it is read.\n\
                     # The scans' files are unchanged. Remove this file to undo it.\n";
         let text = toml::to_string(self).map_err(|error| Error::Value {
             name: Self::FILE.into(),

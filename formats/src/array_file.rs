@@ -49,8 +49,15 @@ impl ArrayFile {
     /// [`Error::Mismatch`] for what is known and not read, with the way out; those of the container's reader for what is damaged.
     pub fn read(path: impl AsRef<Path>) -> Result<Option<Self>> {
         let path = path.as_ref();
-        let bytes = read_bytes(path)?;
-        if let Some((found, remedy)) = not_read(&bytes) {
+        Self::parse(path, &read_bytes(path)?)
+    }
+
+    /// As [`read`](Self::read), of the content of the file at `path`.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn parse(path: &Path, bytes: &[u8]) -> Result<Option<Self>> {
+        if let Some((found, remedy)) = not_read(bytes) {
             return Err(Error::Mismatch {
                 path: path.into(),
                 found: found.into(),
@@ -58,7 +65,7 @@ impl ArrayFile {
                 remedy: remedy.into(),
             });
         }
-        Self::parse(&bytes).map_err(|fault| fault.in_file(path, format_of(&bytes)))
+        Self::unpacked(bytes).map_err(|fault| fault.in_file(path, format_of(bytes)))
     }
 
     /// The only array of a file that has no names.
@@ -66,7 +73,7 @@ impl ArrayFile {
         self.arrays.get("").filter(|_| self.arrays.len() == 1)
     }
 
-    fn parse(bytes: &[u8]) -> std::result::Result<Option<Self>, Fault> {
+    fn unpacked(bytes: &[u8]) -> std::result::Result<Option<Self>, Fault> {
         let budget = Budget::of_file(bytes.len());
         if bytes.starts_with(ZIP) {
             return Self::of_archive(bytes, &budget).map(Some);
@@ -201,7 +208,7 @@ mod tests {
     use crate::npy_bytes;
 
     fn parsed(bytes: &[u8]) -> ArrayFile {
-        ArrayFile::parse(bytes).unwrap().unwrap()
+        ArrayFile::unpacked(bytes).unwrap().unwrap()
     }
 
     // {"a": [1.5, 2], "b": {"c": 3}}, as pickle of protocol 0.
@@ -221,7 +228,7 @@ mod tests {
         for packed in [zlib.finish().unwrap(), gzip.finish().unwrap()] {
             assert_eq!(parsed(&packed), ArrayFile { container: Container::Pickle, arrays: expected.clone() });
             // Cut short.
-            assert!(ArrayFile::parse(&packed[..packed.len() / 2]).is_err());
+            assert!(ArrayFile::unpacked(&packed[..packed.len() / 2]).is_err());
         }
     }
 
@@ -240,7 +247,7 @@ mod tests {
         let zeros = vec![0; 1 << 20];
         (0..100).for_each(|_| zlib.write_all(&zeros).unwrap());
         let packed = zlib.finish().unwrap();
-        assert!(matches!(ArrayFile::parse(&packed), Err(Fault::TooLarge { .. })));
+        assert!(matches!(ArrayFile::unpacked(&packed), Err(Fault::TooLarge { .. })));
     }
 
     #[test]
@@ -255,7 +262,7 @@ mod tests {
             assert!(format!("{found}; {remedy}").contains(words));
         }
         for unknown in [&b""[..], b"frame,x,y\n", b"\x00\x01", b"x"] {
-            assert!(not_read(unknown).is_none() && ArrayFile::parse(unknown).unwrap().is_none(), "{unknown:?}");
+            assert!(not_read(unknown).is_none() && ArrayFile::unpacked(unknown).unwrap().is_none(), "{unknown:?}");
         }
     }
 }

@@ -29,6 +29,8 @@ pub enum Choice {
     StartRun,
     /// To take data with this kind of fault as they are.
     Accept(&'static str),
+    /// To have the check record how scans are brought to their bodies.
+    RecordPlacement,
     /// To look at the data first.
     CheckData,
     /// To say which bone is which joint.

@@ -96,6 +96,7 @@ pub fn argument(choice: Choice) -> String {
         Choice::ContinueRun => "the same call of train() again".into(),
         Choice::StartRun => "train(..., out=another folder)".into(),
         Choice::Accept(defect) => format!("train(..., accept=[{defect:?}])"),
+        Choice::RecordPlacement => "xavatar check --fix".into(),
         Choice::CheckData => "Subject.open(data, body).check()".into(),
         Choice::BoneMap => "read_motion(..., bones={\"Hips\": \"pelvis\"})".into(),
         Choice::UpAxis => "read_motion(..., up=\"Z\"), or coordinates=\"camera\"".into(),

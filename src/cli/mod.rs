@@ -1,46 +1,15 @@
-//! The command line: one file a verb, each thin: parse, call the library, print.
+//! The command line: `verbs`, the `options` that several of them take, and what they put out (`output`).
 //!
-//! Results go to stdout, progress and errors to stderr (see `messages`). Exit codes: 0 done, 1 failed, 2 wrong usage, 3 stopped but resumable.
+//! Results go to stdout, progress and errors to stderr (see `output`). Exit codes: 0 done, 1 failed, 2 wrong usage, 3 stopped but resumable.
 
-// What is said goes through `log`'s macros, so that --quiet and --log-format hold for it; results through `outputs::print`. Both
+// What is said goes through `log`'s macros, so that --quiet and --log-format hold for it; results through `output::files::print`. Both
 // let nothing pass that steers a terminal, whatever file it came from.
 #![deny(clippy::print_stderr, clippy::print_stdout)]
 
-mod ablate;
-mod animate;
-mod batch;
-mod body;
-mod captured;
-mod check;
-mod completions;
-mod convert;
-mod demo;
-mod described_subject;
-mod doctor;
-mod eval;
-mod export;
-mod extract;
-mod fuse;
-mod gallery;
-mod info;
-mod inputs;
-mod json;
-mod man;
-mod measured_run;
-mod messages;
-mod motion;
-mod outputs;
-mod pointcloud;
-mod progress;
-mod register;
-mod render;
-mod render_rgbd;
-mod report;
+mod options;
+mod output;
 mod stop;
-mod train;
-mod training;
-mod view;
-mod watched;
+mod verbs;
 
 use std::borrow::Cow;
 use std::process::ExitCode;
@@ -67,33 +36,33 @@ struct CommandLine {
     #[arg(long, value_name = "T", global = true, value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
     #[command(flatten)]
-    log: messages::LogArguments,
+    log: output::messages::LogArguments,
 }
 
 #[derive(Subcommand)]
 enum Verb {
-    Demo(demo::Demo),
-    Check(check::Check),
-    Register(register::Register),
-    Train(train::Train),
-    Eval(eval::Eval),
-    Batch(batch::Batch),
-    Ablate(ablate::Ablate),
-    Fuse(fuse::Fuse),
-    Extract(extract::Extract),
-    Animate(animate::Animate),
-    Render(render::Render),
-    Export(export::Export),
-    Convert(convert::Convert),
-    Body(body::Body),
-    Info(info::Info),
-    Doctor(doctor::Doctor),
+    Demo(verbs::demo::Demo),
+    Check(verbs::check::Check),
+    Register(verbs::register::Register),
+    Train(verbs::train::Train),
+    Eval(verbs::eval::Eval),
+    Batch(verbs::batch::Batch),
+    Ablate(verbs::ablate::Ablate),
+    Fuse(verbs::fuse::Fuse),
+    Extract(verbs::extract::Extract),
+    Animate(verbs::animate::Animate),
+    Render(verbs::render::Render),
+    Export(verbs::export::Export),
+    Convert(verbs::convert::Convert),
+    Body(verbs::body::Body),
+    Info(verbs::info::Info),
+    Doctor(verbs::doctor::Doctor),
     #[command(name = "pointcloud")]
-    PointCloud(pointcloud::PointCloudOf),
-    View(view::View),
-    RenderRgbd(render_rgbd::RenderRgbd),
-    Completions(completions::Completions),
-    Man(man::Manual),
+    PointCloud(verbs::pointcloud::PointCloudOf),
+    View(verbs::view::View),
+    RenderRgbd(verbs::render_rgbd::RenderRgbd),
+    Completions(verbs::completions::Completions),
+    Man(verbs::man::Manual),
 }
 
 /// How a verb that did not fail ended.
@@ -164,6 +133,7 @@ fn option(choice: Choice) -> Cow<'static, str> {
         Choice::ContinueRun => "--resume".into(),
         Choice::StartRun => "the same command without --resume".into(),
         Choice::Accept(defect) => format!("--accept {defect}").into(),
+        Choice::RecordPlacement => "--fix".into(),
         Choice::CheckData => "xavatar check".into(),
         Choice::BoneMap => "--bones map.toml".into(),
         Choice::UpAxis => "--up, --from camera".into(),
@@ -173,7 +143,7 @@ fn option(choice: Choice) -> Cow<'static, str> {
 }
 
 fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
-    messages::start(command_line.log)?;
+    output::messages::start(command_line.log)?;
     if let Some(threads) = command_line.threads {
         rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()?;
     }

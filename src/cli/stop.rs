@@ -36,7 +36,7 @@ fn on_notice() -> std::io::Result<()> {
 
 fn ask() {
     if STOP.swap(true, Ordering::SeqCst) {
-        std::process::exit(super::EXIT_FAILED.into());
+        std::process::exit(crate::cli::EXIT_FAILED.into());
     }
     log::info!("\nstopping at the next good place; once more to end at once and lose what was not saved yet");
     std::thread::spawn(end_unless_training);
@@ -52,7 +52,7 @@ fn end_unless_training() {
         std::thread::sleep(PATIENCE);
         if !IS_TRAINING.load(Ordering::SeqCst) {
             log::info!("stopped; the same command, with --resume where it has that, goes on");
-            std::process::exit(super::EXIT_STOPPED.into());
+            std::process::exit(crate::cli::EXIT_STOPPED.into());
         }
     }
 }

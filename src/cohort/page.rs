@@ -6,14 +6,15 @@ use super::folder::{State, SubjectFolder};
 use super::manifest::Manifest;
 use super::summary::Summary;
 use crate::Result;
-use crate::report::{REGISTRATION_PAGE, REPORT_FILE, index_page};
+use crate::report::{KeyFigure, REGISTRATION_PAGE, REPORT_FILE, index_page};
 
 /// All that the template takes.
 #[derive(Serialize)]
 pub(super) struct IndexPage {
     title: String,
+    kicker: &'static str,
     lead: String,
-    figures: Vec<(&'static str, usize)>,
+    figures: Vec<KeyFigure>,
     rows: Vec<IndexRow>,
 }
 
@@ -60,10 +61,12 @@ pub(super) fn html(manifest: &Manifest, summary: &Summary) -> Result<String> {
             glb: link(folder.glb()),
         }
     });
+    let figure = |(label, count): (_, usize)| KeyFigure { label, value: count.to_string(), ..KeyFigure::default() };
     index_page(&IndexPage {
         title: manifest.path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        kicker: "Subjects",
         lead: format!("{}.", summary.totals),
-        figures: summary.totals.named().collect(),
+        figures: summary.totals.named().map(figure).collect(),
         rows: rows.collect(),
     })
 }

@@ -102,7 +102,7 @@ impl<'a> Stages<'a> {
         let data = &self.plan.data;
         self.folder.registered().join(REGISTERED_FILE).is_file()
             || CapturedSubject::has_only_rgbd(data)
-            || Subject::open(data).is_ok_and(|subject| subject.has_bodies())
+            || Subject::has_registrations(data)
             || Scans::open(data, &[]).is_err()
     }
 

@@ -30,12 +30,14 @@ pub use schedule::Schedule;
 pub use search::{Assignment, SearchedField, Starts};
 
 /// Sections and keys of versions before that mean nothing any more: what was written with them is read without.
-const RETIRED: [(&str, &str); 8] = [
+const RETIRED: [(&str, &str); 10] = [
     ("losses", "free_space"),
     ("losses", "bone_points"),
     ("rgbd", "free_points"),
     ("sampling", "uniform_points"),
     ("sampling", "extent"),
+    ("search", "divergence"),
+    ("search", "merge_distance"),
     ("optimiser", "adam"),
     ("optimiser", "grid_adam"),
     ("schedule", "checkpoints_kept"),
@@ -53,7 +55,7 @@ pub struct Config {
     pub skip_bad_frames: bool,
     /// Extents of the networks.
     pub fields: FieldSettings,
-    /// When search starts are given up and roots are the same.
+    /// How exact roots of the search are, and when a start is given up.
     pub search: SearchSettings,
     /// How far the head is bowed in canonical space if hair hangs down the back, radians.
     #[serde(default)]

@@ -1,7 +1,7 @@
 //! The machine that a time was measured on: nobody can judge the one without the other.
 
 use super::Fact;
-use crate::machine::Facts;
+use crate::doctor::Facts;
 
 /// Processor, threads, memory and system, as far as the system tells.
 pub fn machine() -> Vec<Fact> {

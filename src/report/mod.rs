@@ -28,13 +28,13 @@ pub use dancing::{danced_poses, dancing_rig, viewer_rig};
 pub use figure::LineFigure;
 pub use machine::machine;
 pub use page::Fact;
-pub(crate) use page::index_page;
+pub(crate) use page::{KeyFigure, index_page};
 pub use part_colours::{part_colour, part_colours, part_names};
 pub use registration::{REGISTRATION_PAGE, write_registration_page};
 
 use self::chart::{grouped, number};
 use self::metrics::MetricsTable;
-use self::page::{KeyFigure, LivePage, Picture, ReportPage, ViewerPart};
+use self::page::{LivePage, Picture, ReportPage, ViewerPart};
 use self::picture::data_uri;
 use self::scene::ViewerScene;
 use self::training::TrainingRecord;

@@ -23,7 +23,8 @@ const SCRIPT: [&str; 7] = [
     include_str!("../../assets/report/viewer/live.js"),
 ];
 const START: &str = include_str!("../../assets/report/viewer/main.js");
-const TEMPLATES: [(&str, &str); 6] = [
+const TEMPLATES: [(&str, &str); 7] = [
+    ("page.html", include_str!("../../assets/report/page.html")),
     ("index.html", include_str!("../../assets/report/index.html")),
     ("report.html", include_str!("../../assets/report/report.html")),
     ("view.html", include_str!("../../assets/report/view.html")),
@@ -31,6 +32,9 @@ const TEMPLATES: [(&str, &str); 6] = [
     ("chart.html", include_str!("../../assets/report/chart.html")),
     ("figure.xml", include_str!("../../assets/report/figure.xml")),
 ];
+
+/// Its own styles, and pictures beside the page.
+const INDEX_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src 'self' file: data:";
 
 /// A label and its value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -77,11 +81,11 @@ pub(super) struct LivePage {
 }
 
 /// A number worth a large font.
-#[derive(Clone, Debug, Serialize)]
-pub(super) struct KeyFigure {
-    pub(super) label: &'static str,
-    pub(super) value: String,
-    pub(super) unit: &'static str,
+#[derive(Clone, Debug, Default, Serialize)]
+pub(crate) struct KeyFigure {
+    pub(crate) label: &'static str,
+    pub(crate) value: String,
+    pub(crate) unit: &'static str,
 }
 
 /// The viewer: its data as JSON that may stand in a script element, and what is seen without it.
@@ -161,8 +165,12 @@ pub(crate) fn index_page(values: &impl Serialize) -> Result<String> {
         page: &'a T,
         version: &'static str,
         style: &'static str,
+        policy: &'static str,
     }
-    template("index.html", Index { page: values, version: env!("CARGO_PKG_VERSION"), style: STYLE })
+    template(
+        "index.html",
+        Index { page: values, version: env!("CARGO_PKG_VERSION"), style: STYLE, policy: INDEX_POLICY },
+    )
 }
 
 /// The template of that name, filled in.

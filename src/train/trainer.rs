@@ -79,6 +79,7 @@ impl<'a> Trainer<'a> {
         let bounds = canonical.bounds();
         let poser = Poser::for_training(config, body, labels, betas, bounds)?;
         let mut frames = Frames::new(spec);
+        // A training that goes on begins here too: which starts are pruned, and what weights are pulled to, is what they began as.
         let mut worn = None;
         let skinning = poser.initial_skinning(body, |grid| {
             let (rows, found) = clothing::fitted_rows(&mut frames, grid, body, labels, betas)?;

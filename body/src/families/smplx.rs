@@ -182,7 +182,7 @@ impl Parameters {
             _ => Err(Error::Value {
                 name: "the motion's hand pose".into(),
                 found: "given relative to the body model's mean hand, and no body model".into(),
-                expected: "a body model to know that hand (--body), or hands relative to the flat one".into(),
+                expected: "a body model to know that hand, or hands relative to the flat one".into(),
             }),
         }
     }

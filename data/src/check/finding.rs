@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use serde::{Serialize, Serializer};
 
-use xavatar_formats::Error;
+use xavatar_formats::{Choice, Error};
 
 /// A kind of fault in a subject's data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -166,12 +166,16 @@ pub struct Finding {
     /// The frames it was found in, as `split/sequence/number`; none if it is of the subject as a whole.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frames: Vec<String>,
+    /// What a caller can choose that helps.
+    #[serde(skip)]
+    pub choice: Option<Choice>,
 }
 
 impl Finding {
     /// A fault of the subject as a whole.
     pub(crate) fn of_subject(name: Defect, message: impl Into<String>) -> Self {
-        Self { name, message: message.into(), frames: Vec::new() }
+        let choice = (name == Defect::Unreadable).then_some(Choice::SkipBadFrames);
+        Self { name, message: message.into(), frames: Vec::new(), choice }
     }
 }
 

@@ -11,6 +11,7 @@ use super::finding::{Defect, Finding};
 use super::inspection::{Inspection, Observation};
 use super::wording::{described, findings_of_placement};
 use crate::ScanPlacement;
+use xavatar_formats::Choice;
 
 /// Frames that a message names.
 const NAMED: usize = 3;
@@ -104,5 +105,6 @@ fn merged(defect: Defect, frames: &[(&Looked, String)], looked: usize) -> Findin
         let more = if names.len() > NAMED + 1 { ", ..." } else { "" };
         let _ = write!(message, " (also {}{more})", others.join(", "));
     }
-    Finding { name: defect, message, frames: names }
+    let choice = (defect == Defect::InsideOut).then_some(Choice::RecordPlacement);
+    Finding { name: defect, message, frames: names, choice }
 }

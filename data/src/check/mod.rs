@@ -257,13 +257,18 @@ impl CheckReport {
             add(Defect::NoFrames, "no frame can be trained on: each needs a scan and the body registered to it".into());
         }
         if usable("test") == 0 {
-            add(Defect::NoTestFrames, "no test frame: `xavatar eval --split test` will have nothing to measure".into());
+            add(
+                Defect::NoTestFrames,
+                "no test frame: there will be nothing to measure on but what was learned from".into(),
+            );
         }
         let broken = self.unusable.iter().filter(|frame| frame.frame.starts_with("train/")).count();
         if broken > 0 {
             let frames = if broken == 1 { "frame" } else { "frames" };
-            let remedy = "mend or remove, or train with --skip-bad-frames";
-            add(Defect::Unreadable, format!("{broken} training {frames} cannot be read: {remedy}"));
+            add(
+                Defect::Unreadable,
+                format!("{broken} training {frames} cannot be read: mend, remove or leave them out"),
+            );
         }
         if !PLAUSIBLE_HEIGHT.contains(&self.body_height) {
             let height = self.body_height;

@@ -9,6 +9,7 @@ use super::inspection::Observation;
 use super::judgement::Looked;
 use super::segments::Limb;
 use crate::Origin;
+use xavatar_formats::Choice;
 
 const MILLIMETRES: f32 = 1000.0;
 
@@ -74,7 +75,7 @@ pub(super) fn described(observation: &Observation, looked: &Looked) -> (Defect, 
             (Defect::Holes, text)
         }
         Observation::InsideOut => {
-            (Defect::InsideOut, "the scan's faces are seen from inside: turn them over (--fix does)".to_owned())
+            (Defect::InsideOut, "the scan's faces are seen from inside: turn them over".to_owned())
         }
     }
 }
@@ -90,22 +91,21 @@ fn of_other_frame(other: &str) -> String {
 /// What is said of a placement: one finding each of unit, turn, mirror and shift.
 pub(super) fn findings_of_placement(common: &Common) -> Vec<Finding> {
     let figures = format!("{} from the bodies, {} when mended", length(common.before), length(common.after));
-    let fix = if common.mend().is_some() && common.is_of_all { " (--fix records it)" } else { "" };
+    let choice = (common.mend().is_some() && common.is_of_all).then_some(Choice::RecordPlacement);
     let scans = if common.is_of_all { "the scans are" } else { "the scan is" };
     let finding = |name: Defect, text: String| {
         let frames = if common.is_of_all { Vec::new() } else { common.frames.clone() };
-        Finding { name, message: text, frames }
+        Finding { name, message: text, frames, choice }
     };
     let mut findings = Vec::new();
     if !is_same_scale(common.scale, 1.0) {
         let unit = UNITS.iter().find(|(_, per_metre)| is_same_scale(common.scale * per_metre, 1.0));
         let text = match unit {
-            Some((unit, per_metre)) => format!(
-                "{scans} in {unit}, {per_metre:.0} times as large as the bodies: multiply by {}{fix}",
-                common.scale
-            ),
+            Some((unit, per_metre)) => {
+                format!("{scans} in {unit}, {per_metre:.0} times as large as the bodies: multiply by {}", common.scale)
+            }
             None => format!(
-                "{scans} {:.3} times as large as the bodies, which no unit explains: multiply by {:.4}{fix}, or give the \
+                "{scans} {:.3} times as large as the bodies, which no unit explains: multiply by {:.4}, or give the \
                  shape (betas) of this person",
                 1.0 / common.scale,
                 common.scale
@@ -116,20 +116,20 @@ pub(super) fn findings_of_placement(common: &Common) -> Vec<Finding> {
     let (mirrored, turn) = without_mirror(common.turn);
     if let Some(axis) = mirrored {
         let text = format!(
-            "{scans} the mirror image of the bodies, {figures}: negate {axis}{fix}; which of the two is mirrored, the data do not say"
+            "{scans} the mirror image of the bodies, {figures}: negate {axis}; which of the two is mirrored, the data do not say"
         );
         findings.push(finding(Defect::Mirrored, text));
     }
     if let Some(how) = turned(turn) {
-        findings.push(finding(Defect::Turned, format!("{scans} {how}{fix}; {figures}")));
+        findings.push(finding(Defect::Turned, format!("{scans} {how}; {figures}")));
     }
     let shifted = match common.shift {
         Shift::None => None,
         Shift::Same(shift) => {
-            Some(format!("shifted: add {:.3} to x, {:.3} to y, {:.3} to z, metres{fix}", shift.x, shift.y, shift.z))
+            Some(format!("shifted: add {:.3} to x, {:.3} to y, {:.3} to z, metres", shift.x, shift.y, shift.z))
         }
-        Shift::To(Origin::Translation) => Some(format!("without `transl`, which was subtracted: add it{fix}")),
-        Shift::To(Origin::Pelvis) => Some(format!("centred at the pelvis, and the bodies are not: add its place{fix}")),
+        Shift::To(Origin::Translation) => Some("without `transl`, which was subtracted: add it".to_owned()),
+        Shift::To(Origin::Pelvis) => Some("centred at the pelvis, and the bodies are not: add its place".to_owned()),
         Shift::To(Origin::World) => None,
         Shift::Each(farthest) => Some(format!(
             "elsewhere than the bodies, each in a place of its own, up to {farthest:.2} m: put their own coordinates back, or \

@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::conventions::{Coordinates, HandConvention, Translation, UpAxis};
+use super::parameters::Choice;
 use super::rest::RestPose;
 use super::timing::{resampled, smoothed};
 use super::{Motion, Wanted, Warning, detect};
@@ -65,6 +66,17 @@ impl Clip {
             Wanted { rest: &options.rest, bone_map: options.bone_map.as_ref(), coordinates: options.coordinates };
         let motion = detect::read(path, &wanted)?;
         Self::of(motion, options)
+    }
+
+    /// As [`load`](Self::load), of the content of the file at `path`.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn parse(path: &Path, bytes: &[u8], options: &MotionOptions) -> Result<Self> {
+        let wanted =
+            Wanted { rest: &options.rest, bone_map: options.bone_map.as_ref(), coordinates: options.coordinates };
+        let mut choice = Choice { coordinates: options.coordinates, person: None };
+        Self::of(detect::parse(path, bytes, &wanted, &mut choice)?, options)
     }
 
     /// Applies the options to a motion.

@@ -1,17 +1,16 @@
 //! Which format a file is in: by what it starts with, then by the arrays that it holds. Its name decides nothing but which
 //! frame of a folder it is.
 
-use std::io::Read;
 use std::path::Path;
 
 use super::parameters::{self, Choice};
 use super::{Motion, Wanted, amass, bvh, folder, grab, own};
 use crate::xhumans::parameters_of;
 use xavatar_body::smplx;
-use xavatar_formats::{Array, ArrayFile, ArrayMap, Container, Error, Result, excerpt, open_file};
+use xavatar_formats::{Array, ArrayFile, ArrayMap, Container, Error, Result, excerpt, read_bytes};
 
 /// Bytes that tell what a file is, with comments before them.
-const START: u64 = 4096;
+const START: usize = 4096;
 
 /// A format of arrays.
 struct Format {
@@ -63,12 +62,16 @@ pub(super) fn read_file(path: &Path, wanted: &Wanted, choice: &mut Choice) -> Re
                     .into(),
         });
     }
-    let mut start = Vec::new();
-    open_file(path)?.take(START).read_to_end(&mut start).map_err(Error::io(path))?;
-    if bvh::is_bvh(&start) {
-        return bvh::read(path, wanted.rest, wanted.bone_map);
+    parse(path, &read_bytes(path)?, wanted, choice)
+}
+
+/// Reads the content of the file at `path`.
+pub(super) fn parse(path: &Path, bytes: &[u8], wanted: &Wanted, choice: &mut Choice) -> Result<Motion> {
+    let start = &bytes[..bytes.len().min(START)];
+    if bvh::is_bvh(start) {
+        return bvh::parse(path, bytes, wanted.rest, wanted.bone_map);
     }
-    let Some(file) = ArrayFile::read(path)? else { return Err(unrecognised(path, other_content(&start))) };
+    let Some(file) = ArrayFile::parse(path, bytes)? else { return Err(unrecognised(path, other_content(start))) };
     let columns = file.single().map(|array| parameters::motion_x(array).ok_or_else(|| one_array(path, array)));
     let columns = columns.transpose()?;
     let arrays = columns.as_ref().unwrap_or(&file.arrays);

@@ -216,7 +216,7 @@ fn judge(report: &mut RgbdCheckReport, placements: &[&Placement]) {
     let broken = report.unusable.iter().filter(|frame| frame.frame.starts_with("train/")).count();
     if broken > 0 {
         let text = "training frames that cannot be used";
-        add(Defect::Unreadable, format!("{text}: {broken}; mend or remove, or train with --skip-bad-frames"));
+        add(Defect::Unreadable, format!("{text}: {broken}; mend, remove or leave them out"));
     }
     let strayed =
         placements.iter().filter(|placement| placement.share < APPEARS || placement.instead.is_some()).count();

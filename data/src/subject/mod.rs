@@ -186,9 +186,15 @@ impl Subject {
         ScanFrames::new(self, self.files(split))
     }
 
-    /// Whether any frame has a registered body.
-    pub fn has_bodies(&self) -> bool {
-        self.train.iter().chain(&self.test).any(|files| files.parameters.path().is_some())
+    /// Whether bodies are registered to frames in a folder, be there what else a subject needs or not.
+    #[must_use]
+    pub fn has_registrations(folder: &Path) -> bool {
+        let sequences = Description::read(folder).and_then(|description| {
+            let data = description.data.as_ref().map_or_else(|| folder.to_path_buf(), |data| folder.join(data));
+            sequences_of(&data, &description)
+        });
+        let is_registered = |sequence: &Sequence| sequence.frames.iter().any(|frame| frame.fit.is_some());
+        sequences.is_ok_and(|(_, sequences)| sequences.iter().any(is_registered))
     }
 
     /// Whether any frame has a scan.

@@ -26,8 +26,12 @@ use crate::{Error, Result, Warp};
 
 /// More updates than any start that still converges needs; keeps a mistyped setting from running for hours.
 const MOST_UPDATES: u32 = 1000;
+/// Residual above which a start is dropped, metres: it has left the canonical body's surroundings (thesis A.3.2).
+const DIVERGENCE: f64 = 1.0;
+/// Distance below which two roots of a point are one, metres: above the tolerances that are searched to, below what a scan resolves.
+const MERGE_DISTANCE: f64 = 1e-4;
 
-/// When starts are given up and roots are the same.
+/// How exact a root is, and when a start is given up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SearchSettings {
@@ -35,29 +39,19 @@ pub struct SearchSettings {
     pub tolerance: f64,
     /// Updates of a start before it is given up.
     pub updates: u32,
-    /// Residual above which a start is dropped, metres.
-    pub divergence: f64,
-    /// Distance below which two roots of a point are one, metres.
-    pub merge_distance: f64,
 }
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { tolerance: 1e-5, updates: 50, divergence: 1.0, merge_distance: 1e-4 }
+        Self { tolerance: 1e-5, updates: 50 }
     }
 }
 
 impl SearchSettings {
     pub(crate) fn validate(&self) -> Result<()> {
-        for (name, value) in [
-            ("the search's tolerance", self.tolerance),
-            ("the search's divergence", self.divergence),
-            ("the search's merge distance", self.merge_distance),
-        ] {
-            if !(value > 0.0 && value.is_finite()) {
-                let expected = "a positive, finite number of metres".to_owned();
-                return Err(Error::Value { name, found: value.to_string(), expected });
-            }
+        if !(self.tolerance > 0.0 && self.tolerance.is_finite()) {
+            let (name, found) = ("the search's tolerance", self.tolerance.to_string());
+            return Err(Error::Value { name, found, expected: "a positive, finite number of metres".to_owned() });
         }
         if !(1..=MOST_UPDATES).contains(&self.updates) {
             let (name, found) = ("the search's number of updates", self.updates.to_string());

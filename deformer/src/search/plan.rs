@@ -11,6 +11,7 @@ use xavatar_network::Real;
 use super::broyden::{ActiveSet, Outcome, Start, solve};
 use super::candidates::{Root, merge_roots};
 use super::limits::Limits;
+use super::{DIVERGENCE, MERGE_DISTANCE};
 use crate::affine::{apply, inverse, inverse_transform};
 use crate::error::expect_length;
 use crate::{BoneTransform, Candidates, Error, Jacobian, Result, SearchSettings, SearchStatistics, StartGroups, Warp};
@@ -114,8 +115,8 @@ impl<'a, T: Real> Plan<'a, T> {
     }
 
     fn limits(&self) -> Limits<T> {
-        let SearchSettings { tolerance, divergence, updates, .. } = *self.settings;
-        Limits { tolerance: T::of(tolerance), divergence: T::of(divergence), updates }
+        let SearchSettings { tolerance, updates } = *self.settings;
+        Limits { tolerance: T::of(tolerance), divergence: T::of(DIVERGENCE), updates }
     }
 
     /// Consecutive points with about as many starts each.
@@ -210,7 +211,7 @@ impl<'a, T: Real> Plan<'a, T> {
         for index in block {
             let known = roots.len();
             let of_point = std::iter::from_fn(|| of_start.next_if(|(start, _)| start.index == index));
-            merge_roots(of_point.filter_map(|(_, root)| *root), T::of(self.settings.merge_distance), roots);
+            merge_roots(of_point.filter_map(|(_, root)| *root), T::of(MERGE_DISTANCE), roots);
             counts.push(roots.len() - known);
         }
     }
@@ -252,7 +253,7 @@ impl<'a, T: Real> Plan<'a, T> {
         for count in &mut thread.counts {
             let known = roots.len();
             let polished = solved.by_ref().take(*count).flatten().copied();
-            merge_roots(polished, T::of(self.settings.merge_distance), roots);
+            merge_roots(polished, T::of(MERGE_DISTANCE), roots);
             *count = roots.len() - known;
         }
     }

@@ -4,6 +4,7 @@ mod arrays;
 mod avatars;
 mod landmarks;
 mod meshes;
+mod motions;
 mod pictures;
 mod requests;
 
@@ -33,6 +34,8 @@ pub const TARGETS: &[Target] = &[
     Target { name: "obj", read: meshes::obj, seeds: meshes::obj_seeds },
     Target { name: "glb", read: meshes::glb, seeds: meshes::glb_seeds },
     Target { name: "glb_chunks", read: meshes::glb_chunks, seeds: meshes::glb_chunks_seeds },
+    Target { name: "motion", read: motions::motion, seeds: motions::motion_seeds },
+    Target { name: "bvh", read: motions::bvh, seeds: motions::bvh_seeds },
     Target { name: "avatar", read: avatars::avatar, seeds: avatars::avatar_seeds },
     Target { name: "avatar_texts", read: avatars::avatar_texts, seeds: avatars::avatar_texts_seeds },
     Target { name: "landmarks", read: landmarks::landmarks, seeds: landmarks::landmarks_seeds },

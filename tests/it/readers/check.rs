@@ -111,7 +111,8 @@ fn a_good_subject_has_no_findings() {
 fn units_other_than_metres_are_named_and_mended() {
     for (factor, unit) in [(1000.0, "millimetres"), (100.0, "centimetres"), (39.37, "inches")] {
         let found = assert_mends(|frame| move_scan(frame, |point| point * factor), 1e-3);
-        assert_problem(&found, Defect::Unit, &[unit, "--fix"]);
+        assert_problem(&found, Defect::Unit, &[unit]);
+        assert_eq!(found.problems[0].choice, Some(Choice::RecordPlacement));
     }
     // Too little for a unit, and too much for clothes.
     for factor in [0.9, 1.06] {

@@ -175,3 +175,15 @@ fn a_package_without_networks_is_refused_and_the_version_that_has_them_named() {
     let register = ["register", text(&scans), "--body", body, "--models", text(&package), "--out", text(&out)];
     assert_outcome(&register, 1, &["pose_landmark_full.tflite", "mediapipe==0.10.14"]);
 }
+
+#[test]
+fn scans_with_registrations_are_not_registered_again_for_want_of_something_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("run"));
+    let body = data.join("body");
+    BuiltInSubject::new().unwrap().write_data(&data, 2, 0).unwrap();
+    fs::remove_file(data.join("mean_shape_smplx.npy")).unwrap();
+    let arguments = ["train", text(&data), "--body", text(&body), "--out", text(&out)];
+    assert_outcome(&arguments, 1, &["the subject's mean shape not found"]);
+    assert!(!folder.path().join("run-registered").exists());
+}

@@ -22,7 +22,7 @@ use std::path::Path;
 use super::{Motion, RestPose, Warning};
 use retarget::{Retargeting, Unusable};
 use skeleton::Bvh;
-use xavatar_formats::{Choice, Error, Remedy, Result, decode_text, read_bytes};
+use xavatar_formats::{Choice, Error, Remedy, Result, decode_text};
 
 const FORMAT: &str = "BVH motion";
 const PERSON: &str = "the bones of a person, by names of a common skeleton";
@@ -34,11 +34,15 @@ pub(super) fn is_bvh(start: &[u8]) -> bool {
     first.and_then(|line| line.get(..9)).is_some_and(|word| word.eq_ignore_ascii_case("HIERARCHY"))
 }
 
-/// Reads a motion onto the skeleton `rest`; `map`, where there is one, says which bone is which joint.
-pub(super) fn read(path: &Path, rest: &RestPose, map: Option<&BTreeMap<String, String>>) -> Result<Motion> {
-    let bytes = read_bytes(path)?;
+/// Reads the motion in the file at `path` onto the skeleton `rest`; `map`, where there is one, says which bone is which joint.
+pub(super) fn parse(
+    path: &Path,
+    bytes: &[u8],
+    rest: &RestPose,
+    map: Option<&BTreeMap<String, String>>,
+) -> Result<Motion> {
     // Only names can be in yet another encoding, and they only have to stay apart.
-    let mut bvh = parse::parse(&decode_text(&bytes)).map_err(|fault| fault.in_file(path, FORMAT))?;
+    let mut bvh = parse::parse(&decode_text(bytes)).map_err(|fault| fault.in_file(path, FORMAT))?;
     let mut warnings: Vec<Warning> = bvh.oddities.iter().map(Warning::plain).collect();
     if bvh.frame_time.is_none() {
         warnings.push(Warning::choosing(Choice::FrameRate, "the file says that no time passes between frames"));

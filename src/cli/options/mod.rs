@@ -1,0 +1,8 @@
+//! What several verbs take.
+
+pub mod captured;
+pub mod inputs;
+pub mod meshes;
+pub mod motion;
+pub mod posing;
+pub mod training;

@@ -1,0 +1,90 @@
+//! `xavatar body pose`: a body model in a pose, as a mesh.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+use xavatar::body::{Gender, Pose};
+use xavatar::data::{MotionOptions, RestPose};
+use xavatar::synthetic::load_poses;
+
+use crate::cli::Outcome;
+use crate::cli::options::meshes::MeshFormat;
+use crate::cli::options::{inputs, motion};
+use crate::cli::output::files;
+use crate::cli::output::json::JsonArgument;
+use crate::cli::wrong_usage;
+
+/// Write a body model in the pose of a frame
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    xavatar body pose models/SMPLX_NEUTRAL.npz amass.npz --frame 20 --out body.ply\n  \
+    xavatar body pose models/MANO_RIGHT.pkl grasp.npz --out hand.obj\n  \
+    xavatar body pose models/SMPL_NEUTRAL.pkl rest --shape 1.5,-0.5 --out body.ply")]
+pub struct PoseBody {
+    /// A model's file: .npz, .pkl, or SUPR's .npy
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Any motion, a file with `pose` (three numbers a joint), `dance`, or `rest`
+    #[arg(value_name = "POSE")]
+    pose: PathBuf,
+    /// The frame of the file, counted from 1
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    frame: usize,
+    /// Shape coefficients instead of the file's, with commas
+    #[arg(long, value_name = "B", value_delimiter = ',', allow_hyphen_values = true)]
+    shape: Option<Vec<f32>>,
+    /// The mesh to write, .ply or .obj
+    #[arg(long, value_name = "FILE", default_value = "body.ply")]
+    out: PathBuf,
+    #[command(flatten)]
+    json: JsonArgument,
+}
+
+/// The word for the pose with all rotations zero.
+const REST: &str = "rest";
+
+/// What was written.
+#[derive(Serialize)]
+struct Posed<'a> {
+    file: &'a PathBuf,
+    vertices: usize,
+    joints: std::collections::BTreeMap<&'a str, [f32; 3]>,
+}
+
+impl PoseBody {
+    pub fn run(self) -> anyhow::Result<Outcome> {
+        let format = MeshFormat::of(&self.out)?;
+        files::new_file(&self.out)?;
+        self.json.check()?;
+        let gender = Gender::of_file_name(&self.file).unwrap_or_default();
+        let (body, _) = inputs::load_body(&self.file, gender)?;
+        let skeleton = body.skeleton();
+        let mut pose = if self.pose.as_os_str() == REST && !self.pose.exists() {
+            skeleton.rest_pose()
+        } else {
+            let rest = RestPose::of_canonical(skeleton, &body.canonical_joints(&[])?);
+            let options = MotionOptions { rest, ..MotionOptions::default() };
+            let clip = load_poses(&self.pose, &options, skeleton, Some(&body))?;
+            clip.report.iter().for_each(|line| log::info!("{line}"));
+            motion::warn(&clip.warnings);
+            let count = clip.poses.len();
+            let wanted = self.frame.checked_sub(1).and_then(|index| clip.poses.into_iter().nth(index));
+            match wanted {
+                Some(pose) => pose,
+                None => wrong_usage!("--frame {}: {} has {count} frames", self.frame, self.pose.display()),
+            }
+        };
+        if let Some(shape) = self.shape {
+            pose = Pose { shape, ..pose };
+        }
+        pose.shape.truncate(body.shape_coefficients());
+        pose.expression.truncate(body.expression_coefficients());
+        let posed = body.pose(&pose)?;
+        let joints = skeleton.joints.iter().map(String::as_str).zip(posed.joints.iter().map(|joint| joint.to_array()));
+        let written = Posed { file: &self.out, vertices: posed.vertices.len(), joints: joints.collect() };
+        format.write(&self.out, &body.mesh(posed.vertices.clone()))?;
+        let line = format!("{}: {} vertices of {}", self.out.display(), written.vertices, skeleton.description());
+        self.json.print(&written, &line)?;
+        Ok(Outcome::Done)
+    }
+}
