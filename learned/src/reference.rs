@@ -11,7 +11,7 @@ pub(crate) fn reference(name: &str) -> HashMap<String, Vec<f64>> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../tests/golden/body/{name}.safetensors"));
     let bytes = std::fs::read(path).unwrap();
     let tensors = SafeTensors::deserialize(&bytes).unwrap();
-    let numbers = |name: &&str| {
+    let numbers = |name: &str| {
         let tensor = tensors.tensor(name).unwrap();
         let words = tensor.data().as_chunks::<8>().0;
         match tensor.dtype() {
@@ -20,7 +20,7 @@ pub(crate) fn reference(name: &str) -> HashMap<String, Vec<f64>> {
             other => panic!("{name} is {other:?}"),
         }
     };
-    tensors.names().iter().map(|name| (name.to_string(), numbers(&name.as_ref()))).collect()
+    tensors.names().iter().map(|name| (name.to_string(), numbers(name))).collect()
 }
 
 pub(crate) fn vectors(values: &[f64]) -> Vec<DVec3> {

@@ -49,7 +49,6 @@ fn one_scan_makes_the_body_the_persons_and_leaves_the_rest_unsure() {
     let shape = PoseFit { shape: true, expression: false }.nearest(&generic, &frames[0], None).shape;
     let [of_person, of_body] =
         [(&own, vec![0.0; 2]), (&start, shape)].map(|(model, shape)| distance(model, &shape, &frames[1..]));
-    println!("{of_person} {of_body} {:?} {:?}", found.distances, found.scales);
     assert!(of_person < 0.9 * of_body, "{of_person} {of_body}");
     // The pose that was seen is surer than one that was not.
     let mut bent = found.poses[0].clone();
