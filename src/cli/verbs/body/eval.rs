@@ -9,9 +9,9 @@ use xavatar::learned::evaluation::{Evaluation, evaluate};
 use xavatar::learned::registrations::Registrations;
 use xavatar::learned::truth::KnownTruth;
 
-use super::Outcome;
-use super::json::JsonArgument;
-use crate::cli::progress::Progress;
+use crate::cli::Outcome;
+use crate::cli::output::json::JsonArgument;
+use crate::cli::output::progress::Progress;
 
 /// Measure how near a body comes to registrations, by the number of its coefficients
 #[derive(clap::Args)]

@@ -10,8 +10,9 @@ use xavatar::learned::personal::personal;
 use xavatar::learned::registrations::Registrations;
 use xavatar::mesh::{Colouring, write_ply};
 
-use super::json::JsonArgument;
-use super::{Outcome, outputs};
+use crate::cli::Outcome;
+use crate::cli::output::files;
+use crate::cli::output::json::JsonArgument;
 
 /// Deviations that are drawn in the last colour, metres.
 const UNSURE: f64 = 5e-3;
@@ -54,8 +55,8 @@ struct Made<'a> {
 
 impl Personal {
     pub fn run(self) -> anyhow::Result<Outcome> {
-        outputs::new_file(&self.out)?;
-        self.deviations.as_deref().map_or(Ok(()), outputs::new_file)?;
+        files::new_file(&self.out)?;
+        self.deviations.as_deref().map_or(Ok(()), files::new_file)?;
         self.json.check()?;
         let file = BodyModel::read_arrays(&self.body)?;
         let model = BodyModel::from_arrays(&self.body, &file)?;

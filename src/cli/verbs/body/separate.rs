@@ -7,8 +7,9 @@ use serde::Serialize;
 use xavatar::body::{BodyModel, Coefficients};
 use xavatar::formats::write_npz;
 
-use super::json::JsonArgument;
-use super::{Outcome, outputs};
+use crate::cli::Outcome;
+use crate::cli::output::files;
+use crate::cli::output::json::JsonArgument;
 
 /// Cut a part out of a body: in every pose it equals the whole there
 #[derive(clap::Args)]
@@ -65,7 +66,7 @@ impl PartName {
 
 impl Separate {
     pub fn run(self) -> anyhow::Result<Outcome> {
-        outputs::new_file(&self.out)?;
+        files::new_file(&self.out)?;
         self.json.check()?;
         let body = BodyModel::from_arrays_with(&self.body, &BodyModel::read_arrays(&self.body)?, Coefficients::All)?;
         let part = body.separated(&body.vertices_from(self.part.joint())?, 0.0)?;

@@ -7,10 +7,11 @@ use xavatar::body::{BodyModel, Gender};
 use xavatar::learned::population::Population;
 use xavatar::synthetic::BuiltInSubject;
 
-use super::json::JsonArgument;
-use super::{Outcome, outputs};
-use crate::cli::inputs;
-use crate::cli::progress::Progress;
+use crate::cli::Outcome;
+use crate::cli::options::inputs;
+use crate::cli::output::files;
+use crate::cli::output::json::JsonArgument;
+use crate::cli::output::progress::Progress;
 
 /// Write registrations of a made-up population, with the truth about it
 #[derive(clap::Args)]
@@ -52,7 +53,7 @@ struct Written<'a> {
 
 impl Synth {
     pub fn run(self) -> anyhow::Result<Outcome> {
-        outputs::new_folder(&self.out, "choose another")?;
+        files::new_folder(&self.out, "choose another")?;
         self.json.check()?;
         let start: BodyModel = match &self.body {
             Some(path) => inputs::load_body(path, Gender::of_file_name(path).unwrap_or_default())?.0,

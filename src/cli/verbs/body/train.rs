@@ -12,9 +12,10 @@ use xavatar::learned::registrations::Registrations;
 use xavatar::learned::sparse::{Kind, Progress as Round, Training};
 use xavatar::synthetic::BuiltInSubject;
 
-use super::json::JsonArgument;
-use super::{Outcome, outputs};
-use crate::cli::progress::Progress;
+use crate::cli::Outcome;
+use crate::cli::output::files;
+use crate::cli::output::json::JsonArgument;
+use crate::cli::output::progress::Progress;
 
 /// Fewer people or poses than these do not tell shape from pose.
 const ENOUGH: (usize, usize) = (10, 30);
@@ -81,7 +82,7 @@ struct Trained<'a> {
 
 impl Train {
     pub fn run(self) -> anyhow::Result<Outcome> {
-        outputs::new_file(&self.out)?;
+        files::new_file(&self.out)?;
         self.json.check()?;
         let start: BodyModel = match &self.from {
             Some(path) => BodyModel::from_arrays(path, &BodyModel::read_arrays(path)?)?,
