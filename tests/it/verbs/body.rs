@@ -367,8 +367,8 @@ fn a_trained_body_is_a_body_like_any_other() {
     assert_eq!(read_mesh(&sure).unwrap().mesh.vertices.len(), 144);
     assert_outcome(&["body", "info", text(&person)], 0, &["144 vertices", "left_knee"]);
 
-    let foot = at("foot.npz");
-    let arguments = ["body", "separate", text(&at("supr.npz")), "--part", "left_foot", "--out", text(&foot)];
+    let [supr, foot] = ["supr.npz", "foot.npz"].map(at);
+    let arguments = ["body", "separate", text(&supr), "--part", "left_foot", "--out", text(&foot)];
     assert_outcome(&arguments, 0, &["12 of 144 vertices"]);
     assert_outcome(&["body", "info", text(&foot)], 0, &["SUPR body model", "left_ankle"]);
     file_goes_all_the_way(&star, &folder, true);
