@@ -17,7 +17,7 @@ pub use file::{Family, trained_arrays};
 pub use fitted_body::FittedBody;
 pub use identity::{Identity, IdentityMoments, SkinningRows};
 pub use mirror::Mirror;
-pub use person::{Person, with_identity};
+pub use person::{Person, undriven, with_identity};
 pub use pose_fit::{Fitted, PoseFit};
 pub use shapes::{Shapes, joint_rows, shapes_of};
 pub use skin::{mean_identity, shaped, weight_rows, with_skin};

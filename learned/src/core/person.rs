@@ -1,6 +1,6 @@
 //! A body with one subject's template and joints: no shapes are left, expressions and correctives are the body's.
 
-use xavatar_body::{Anatomy, BlendShapes, BodyModel, JointBasis};
+use xavatar_body::{Anatomy, BlendShapes, BodyModel, Correctives, JointBasis};
 use xavatar_formats::Result;
 
 use super::{FittedBody, Identity};
@@ -39,7 +39,20 @@ pub fn with_identity(model: &BodyModel, identity: &Identity) -> Result<BodyModel
             template: identity.joints.clone(),
             directions: anatomy.joints.directions[shapes..].to_vec(),
         },
+        correctives: undriven(&anatomy.correctives),
         ..anatomy.clone()
     };
     BodyModel::assemble(model.path(), personal)
+}
+
+/// The correctives without the one that a coefficient of shape drives: at zero, which is where a personal body has it, it does nothing.
+pub fn undriven(correctives: &Correctives) -> Correctives {
+    match correctives {
+        Correctives::Quaternions { first_joint, coefficient: Some(_), shapes } => {
+            let turned = shapes.directions().take(shapes.count() - 1).map(<[f32]>::to_vec).collect();
+            let shapes = BlendShapes::from_directions(turned);
+            Correctives::Quaternions { first_joint: *first_joint, coefficient: None, shapes }
+        }
+        other => other.clone(),
+    }
 }

@@ -10,8 +10,8 @@ use xavatar_register::linear::FramePose;
 use super::file::in_layout_of;
 use super::{Posterior, Scales, Support};
 use crate::core::{
-    Fitted, FittedBody, Identity, IdentityMoments, Mirror, Person, PoseFit, SkinningRows, features, shaped, unposed,
-    weight_rows, with_identity,
+    Fitted, FittedBody, Identity, IdentityMoments, Mirror, Person, PoseFit, SkinningRows, features, shaped, undriven,
+    unposed, weight_rows, with_identity,
 };
 use crate::registrations::Registrations;
 
@@ -106,11 +106,11 @@ pub fn personal(model: &BodyModel, registrations: &Registrations) -> Result<Pers
     let correctives = moved(model, &support, scales, &seen, &residuals);
     let with = BodyModel::assemble(
         model.path(),
-        Anatomy { correctives, ..with_identity(model, &identity)?.anatomy().clone() },
+        Anatomy { correctives: undriven(&correctives), ..with_identity(model, &identity)?.anatomy().clone() },
     )?;
     distances[2] = distance(&FittedBody::of(&with), &frames, &poses);
     let beliefs = Beliefs { support, seen, vertices: model.vertex_count() };
-    Ok(Personal { model: recentred(model, &with)?, identity, poses, scales, distances, beliefs })
+    Ok(Personal { model: recentred(model, &with, correctives)?, identity, poses, scales, distances, beliefs })
 }
 
 impl Personal {
@@ -198,10 +198,10 @@ fn moved(
 }
 
 /// The personal body with the shapes of the body that it was made from: zero is the person.
-fn recentred(model: &BodyModel, personal: &BodyModel) -> Result<BodyModel> {
+fn recentred(model: &BodyModel, personal: &BodyModel, correctives: Correctives) -> Result<BodyModel> {
     let (own, anatomy) = (personal.anatomy(), model.anatomy());
     let joints = xavatar_body::JointBasis { template: own.joints.template.clone(), ..anatomy.joints.clone() };
-    BodyModel::assemble(model.path(), Anatomy { shapes: anatomy.shapes.clone(), joints, ..own.clone() })
+    BodyModel::assemble(model.path(), Anatomy { shapes: anatomy.shapes.clone(), joints, correctives, ..own.clone() })
 }
 
 /// Features as the body's correctives have them: of rotations' entries, row by row, or of quaternions.
