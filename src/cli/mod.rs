@@ -28,6 +28,7 @@ mod json;
 mod man;
 mod measured_run;
 mod messages;
+mod mocap;
 mod motion;
 mod outputs;
 mod pointcloud;
@@ -36,6 +37,7 @@ mod register;
 mod render;
 mod render_rgbd;
 mod report;
+mod scans;
 mod stop;
 mod train;
 mod training;
@@ -75,6 +77,7 @@ enum Verb {
     Demo(demo::Demo),
     Check(check::Check),
     Register(register::Register),
+    Mocap(mocap::Mocap),
     Train(train::Train),
     Eval(eval::Eval),
     Batch(batch::Batch),
@@ -181,6 +184,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::Demo(verb) => verb.run(),
         Verb::Check(verb) => verb.run(),
         Verb::Register(verb) => verb.run(),
+        Verb::Mocap(verb) => verb.run(),
         Verb::Train(verb) => verb.run(),
         Verb::Eval(verb) => verb.run(),
         Verb::Batch(verb) => verb.run(),
