@@ -17,7 +17,8 @@ mod xhumans;
 
 pub use capture::{Capture, CaptureKind, CapturedSubject, FrameId, RgbdCapture, ScanFrame, ScanFrames, Source, Split};
 pub use check::{
-    CheckReport, CheckedFrames, Defect, DistanceReport, Finding, HandReport, SequenceReport, UnusableFrame, check,
+    CheckReport, CheckedFrames, Defect, DistanceReport, Finding, HandReport, LimbCheck, SequenceReport, UnusableFrame,
+    check,
 };
 pub use motion::{
     Clip, Coordinates, HandConvention, Motion, MotionOptions, PosedClip, RestPose, Translation, UpAxis, Warning,

@@ -64,6 +64,7 @@ pub fn register<'py>(
             up,
             known: Known { shape, bare: false },
             shape_from: minimal,
+            frames_per_second: None,
             out: out.clone(),
         };
         let mut observe = |phase: &'static str, share: f64, message: &str| {

@@ -77,6 +77,7 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
         up: Up::Y,
         known: Known::default(),
         shape_from: None,
+        frames_per_second: None,
         out: out.into(),
     };
     let Some(report) = job.run(&mut observe, &run_on)? else { return Err("stopped".into()) };

@@ -105,21 +105,20 @@ impl SurfaceModel {
         }
     }
 
-    /// Those of its vertices that are of one part.
+    /// The vertices of some places among these, in their order.
     #[must_use]
-    pub fn of_part(&self, part: Part) -> Self {
-        let kept: Vec<usize> = (0..self.len()).filter(|vertex| self.parts[*vertex] == part).collect();
+    pub fn chosen(&self, kept: &[usize]) -> Self {
         fn chosen<T: Clone>(all: &[T], kept: &[usize]) -> Vec<T> {
             kept.iter().map(|index| all[*index].clone()).collect()
         }
         Self {
-            vertices: chosen(&self.vertices, &kept),
-            parts: chosen(&self.parts, &kept),
-            roles: chosen(&self.roles, &kept),
-            weights: chosen(&self.weights, &kept),
-            rest: chosen(&self.rest, &kept),
-            normals: chosen(&self.normals, &kept),
-            points: self.points.chosen(&kept),
+            vertices: chosen(&self.vertices, kept),
+            parts: chosen(&self.parts, kept),
+            roles: chosen(&self.roles, kept),
+            weights: chosen(&self.weights, kept),
+            rest: chosen(&self.rest, kept),
+            normals: chosen(&self.normals, kept),
+            points: self.points.chosen(kept),
         }
     }
 

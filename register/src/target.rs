@@ -72,6 +72,7 @@ impl ScanTarget {
         let count = match count {
             Seekers::All => SEEKERS,
             Seekers::Few => SEEKERS / 3,
+            Seekers::None => 0,
         };
         self.points.iter().copied().zip(self.normals.iter().copied()).take(count)
     }
@@ -104,6 +105,8 @@ pub enum Seekers {
     All,
     /// For a first guess.
     Few,
+    /// For a limb alone.
+    None,
 }
 
 impl OrientedIndex {

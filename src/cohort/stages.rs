@@ -123,6 +123,7 @@ impl<'a> Stages<'a> {
             up: Up::Y,
             known: Known { shape: None, bare: false },
             shape_from: None,
+            frames_per_second: None,
             out: out.clone(),
         };
         let report = job.run(&mut |phase, share, message| watcher.phase(phase, share, message), stop)?;

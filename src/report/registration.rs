@@ -81,6 +81,8 @@ pub fn write_registration_page(
 fn caption(frame: &FrameReport) -> String {
     let parts = frame.quality.iter().flat_map(|quality| &quality.parts);
     let parts = parts.map(|(name, part)| format!("{} {:.1} mm", name.replace('_', " "), part.median_mm));
-    let missing = frame.missing_hands.iter().map(|hand| format!("{} not in the scan", hand.replace('_', " ")));
-    parts.chain(missing).collect::<Vec<_>>().join(", ")
+    let hands = |hands: &'static str| move |hand: &String| format!("{} {hands}", hand.replace('_', " "));
+    let missing = frame.missing_hands.iter().map(hands("not in the scan"));
+    let turned = frame.turned_hands.iter().map(hands("away from its landmarks"));
+    parts.chain(missing).chain(turned).collect::<Vec<_>>().join(", ")
 }

@@ -11,6 +11,7 @@ mod distances;
 mod finding;
 mod inspection;
 mod judgement;
+mod limb_check;
 mod limb_fit;
 mod segments;
 mod soundness;
@@ -28,6 +29,7 @@ use serde::Serialize;
 pub use checked_frames::CheckedFrames;
 pub use distances::HandReport;
 pub use finding::{Defect, Finding};
+pub use limb_check::LimbCheck;
 pub use statistics::{DistanceReport, SequenceReport, UnusableFrame};
 
 pub(super) use alignment::UNITS;

@@ -48,8 +48,7 @@ pub(super) fn described(observation: &Observation, looked: &Looked) -> (Defect, 
             ),
         },
         Observation::Slipped(limbs) => {
-            let parts = limbs.iter().map(|(limb, apart)| format!("{} {:.0} mm", limb.name(), apart * MILLIMETRES));
-            let parts = parts.collect::<Vec<_>>().join(", ");
+            let parts = distances(limbs).collect::<Vec<_>>().join(", ");
             (Defect::Slipped, format!("the registration has slipped: {parts} from the scan; register again"))
         }
         Observation::Missing(limbs) => {
@@ -189,4 +188,9 @@ fn turned(turn: Mat3) -> Option<String> {
         }
         None => format!("leaning: {remedy}"),
     })
+}
+
+/// Each limb with its distance.
+pub(super) fn distances(limbs: &[(Limb, f32)]) -> impl Iterator<Item = String> {
+    limbs.iter().map(|(limb, apart)| format!("{} {:.0} mm", limb.name(), apart * MILLIMETRES))
 }

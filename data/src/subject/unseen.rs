@@ -1,4 +1,5 @@
-//! What scans do not show of a person, by the report of their registration: hands that a scan lacks were guessed, and teach nothing.
+//! What scans do not show of a person, by the report of their registration: hands that a scan lacks were guessed, and those that lie
+//! away from their landmarks were fitted wrongly. Neither teaches anything.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,6 +23,8 @@ struct FrameReport {
     frame: String,
     #[serde(default)]
     missing_hands: Vec<String>,
+    #[serde(default)]
+    turned_hands: Vec<String>,
 }
 
 /// Reads the report of a subject's registration, if there is one.
@@ -40,8 +43,9 @@ pub(super) fn read(folder: &Path) -> Result<UnseenParts> {
         found: error.to_string(),
         expected: "what registration writes; remove the file to take all frames as they are".into(),
     })?;
-    let unseen = report.frames.into_iter().filter(|frame| !frame.missing_hands.is_empty());
-    Ok(unseen.map(|frame| (frame.frame, frame.missing_hands)).collect())
+    let unseen =
+        report.frames.into_iter().map(|frame| (frame.frame, [frame.missing_hands, frame.turned_hands].concat()));
+    Ok(unseen.filter(|(_, hands)| !hands.is_empty()).collect())
 }
 
 #[cfg(test)]
@@ -54,9 +58,11 @@ mod tests {
         assert!(read(folder.path()).unwrap().is_empty());
         let report = r#"{"betas": [0.5], "frames": [
             {"frame": "train/A/f00001", "verdict": "registered", "missing_hands": ["left_hand"]},
-            {"frame": "train/A/f00002", "missing_hands": []}]}"#;
+            {"frame": "train/A/f00002", "missing_hands": []},
+            {"frame": "train/A/f00003", "missing_hands": [], "turned_hands": ["right_hand"]}]}"#;
         std::fs::write(folder.path().join(FILE), report).unwrap();
-        let expected = BTreeMap::from([("train/A/f00001".to_owned(), vec!["left_hand".to_owned()])]);
+        let expected = [("train/A/f00001", "left_hand"), ("train/A/f00003", "right_hand")];
+        let expected = expected.map(|(frame, hand)| (frame.to_owned(), vec![hand.to_owned()])).into();
         assert_eq!(read(folder.path()).unwrap(), expected);
         std::fs::write(folder.path().join(FILE), "{").unwrap();
         assert!(read(folder.path()).unwrap_err().to_string().contains(FILE));

@@ -1,7 +1,8 @@
 //! Clothing as one distance a vertex, the same in all frames: how far the scan stands off the body there.
 //!
 //! D_i = median over frames of n_i . (q - v_i), q the scan's nearest to v_i + D_i n_i, of matches that are near, face the same way and miss the normal by
-//! little; smoothed over neighbours of the same part. Hands and face are bare. Metres.
+//! little; smoothed over neighbours of the same part. Skin is where the body is, so that hands and face say how large
+//! people are. Metres.
 
 use std::sync::Arc;
 
@@ -18,8 +19,6 @@ use crate::target::IndexedTarget;
 const ASSUMED: f64 = 0.008;
 /// Cloth is no thinner and no thicker.
 const THICKNESS: [f64; 2] = [-0.005, 0.06];
-/// Skin is where the body is, but for this.
-const SKIN: f64 = 0.003;
 /// Matches count that miss the normal by less.
 const MISS: f64 = 0.02;
 /// Matches count that are nearer.
@@ -96,8 +95,7 @@ impl Clothing {
                 .fold((0.0, 0.0), |(sum, weights), (other, weight)| (sum + weight * raw[*other], weights + weight));
             let smooth = if weights > 0.0 { sum / weights } else { 0.0 };
             let is_cloth = *role == Role::Body && !self.bare;
-            self.thickness[vertex] =
-                if is_cloth { smooth.clamp(THICKNESS[0], THICKNESS[1]) } else { smooth.clamp(-SKIN, SKIN) };
+            self.thickness[vertex] = if is_cloth { smooth.clamp(THICKNESS[0], THICKNESS[1]) } else { 0.0 };
         }
         Ok(())
     }

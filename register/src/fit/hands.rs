@@ -1,16 +1,18 @@
 //! Fingers that are bent in the scan and straight in the fit, or the other way round: no small step leads from one to the other.
 //!
-//! Each hand is tried with every choice of fingers straight and bent, then with each finger half bent, and refitted; what lies best is
-//! kept. Only the hand's own vertices and the scan around it are looked at. Fingers bend about z, left ones to negative angles.
+//! Each hand is tried as its knuckles' landmarks have it turned, with every choice of fingers straight and bent, then with each finger half
+//! bent, and refitted; what lies best is kept. Only the hand's own vertices and the scan around it are looked at. Fingers bend about z,
+//! left ones to negative angles.
 
 use std::sync::Arc;
 
 use glam::DVec3;
-use xavatar_body::{Part, Role};
+use xavatar_body::{Part, PartGroup, Role, Skeleton};
 use xavatar_formats::Result;
 
 use super::schedule::{Freed, Stage};
 use super::sequence::{Frame, Sequence};
+use super::start::rotation_between;
 use super::subject::Fitter;
 use crate::landmarks::Site;
 use crate::linear::{Besides, FramePose, so3};
@@ -44,13 +46,22 @@ const STAGE: Stage = Stage {
     landmarks: Some(LandmarkTerm { deviation: 0.015, reach: 0.04, with_vertices: true }),
     shape_prior: 0.0,
     expression_prior: 0.0,
+    settled: None,
 };
+
+/// The joints of a hand but for its wrist.
+pub fn fingers<'a>(skeleton: &'a Skeleton, hand: &'a PartGroup) -> impl Iterator<Item = usize> + 'a {
+    hand.joints.iter().copied().filter(|joint| !skeleton.joints[*joint].ends_with("wrist"))
+}
 
 /// One hand of a body, to be fitted alone.
 pub(super) struct Hand<'a> {
     fitter: Fitter<'a>,
-    /// The joints of each finger, from the palm on.
+    wrist: usize,
+    /// The joints of each finger but the thumb, from the palm on.
     fingers: Vec<Vec<usize>>,
+    /// The first joint of the thumb.
+    thumb: Option<usize>,
     /// The sign of the angles by which they bend.
     sign: f64,
 }
@@ -72,63 +83,89 @@ impl<'a> Fitter<'a> {
                 .filter(|joints| joints.len() == 3)
                 .collect();
             let sign = if group.name.starts_with("right") { 1.0 } else { -1.0 };
-            let fitter = Fitter {
-                surface: self.surface.of_part(part),
-                sites: self.sites.clone(),
-                prior: self.prior.clone(),
-                linkage: self.linkage.clone(),
-                model: self.model,
-            };
-            Hand { fitter, fingers, sign }
+            let wrist = fingers.first().and_then(|joints| self.linkage.parents()[joints[0]])?;
+            let vertices: Vec<usize> =
+                (0..self.surface.len()).filter(|vertex| self.surface.parts[*vertex] == part).collect();
+            let fitter = self.limb(&vertices, group.joints.clone());
+            Some(Hand { fitter, wrist, thumb: named("thumb").first().copied(), fingers, sign })
         };
-        let hands = skeleton.parts_of(Role::Hands).map(hand);
-        hands.filter(|hand| !hand.fingers.is_empty() && !hand.fitter.surface.is_empty()).collect()
+        let hands = skeleton.parts_of(Role::Hands).filter_map(hand);
+        hands.filter(|hand| !hand.fitter.surface.is_empty()).collect()
     }
 }
 
 impl Hand<'_> {
-    /// The pose with this hand's fingers as they lie best on the scan.
+    /// The pose with this hand and its fingers as they lie best on the scan.
     pub(super) fn settled(&self, pose: FramePose, shape: &[f64], frame: &Frame) -> Result<FramePose> {
-        let posed = self.fitter.surface.posed(&self.fitter.linkage, &pose, shape);
-        let middle = posed.points.positions.iter().sum::<DVec3>() / posed.points.positions.len() as f64;
-        let Some(around) = frame.scan.around(middle, AROUND) else { return Ok(pose) };
-        let frame = Frame { scan: Arc::new(around), landmarks: frame.landmarks.clone() };
+        let Some(around) = frame.scan.around(self.middle(&pose, shape), AROUND) else { return Ok(pose) };
+        let frame = Frame { scan: Arc::new(around), ..frame.clone() };
         let index = IndexedTarget::new(&frame.scan, 0.02)?;
-        let near = posed
-            .points
-            .positions
-            .iter()
-            .zip(&posed.normals)
-            .filter(|(v, n)| index.index.nearest(**v, **n).1 < TOO_FAR);
-        if near.count() * 2 < self.fitter.surface.len() {
-            return Ok(pose);
-        }
         let mut best = (self.misfit(&pose, shape, &frame, &index)?, pose);
+        if let Some(turned) = self.turned_as_seen(&best.1, shape, &frame) {
+            self.keep_better(&mut best, turned, shape, &frame, &index)?;
+        }
+        let posed = self.fitter.surface.posed(&self.fitter.linkage, &best.1, shape);
+        let places = posed.points.positions.iter().zip(&posed.normals);
+        let near = places.filter(|(v, n)| index.index.nearest(**v, **n).1 < TOO_FAR);
+        if near.count() * 2 < self.fitter.surface.len() {
+            return Ok(best.1);
+        }
         for choice in 0..1_usize << self.fingers.len() {
             let bends = |finger: usize| Some(BENDS[if (choice >> finger) & 1 == 1 { 2 } else { 0 }]);
-            self.keep_better(&mut best, bends, shape, &frame, &index)?;
+            let tried = self.with_bends(&best.1, bends);
+            self.keep_better(&mut best, tried, shape, &frame, &index)?;
         }
         for half in 0..self.fingers.len() {
-            self.keep_better(&mut best, |finger| (finger == half).then_some(BENDS[1]), shape, &frame, &index)?;
+            let bends = |finger: usize| (finger == half).then_some(BENDS[1]);
+            let tried = self.with_bends(&best.1, bends);
+            self.keep_better(&mut best, tried, shape, &frame, &index)?;
         }
         Ok(best.1)
     }
 
-    /// Refits the best pose with some fingers bent otherwise, and keeps it if it lies better.
+    /// The middle of the hand's vertices.
+    fn middle(&self, pose: &FramePose, shape: &[f64]) -> DVec3 {
+        let places = self.fitter.surface.posed(&self.fitter.linkage, pose, shape).points.positions;
+        places.iter().sum::<DVec3>() / places.len() as f64
+    }
+
+    /// The pose with the wrist turned so that wrist and knuckles lie as their landmarks do, whatever the turn; none without enough of them.
+    fn turned_as_seen(&self, pose: &FramePose, shape: &[f64], frame: &Frame) -> Option<FramePose> {
+        let Fitter { linkage, sites, .. } = &self.fitter;
+        let palm: Vec<usize> =
+            [self.wrist].into_iter().chain(self.thumb).chain(self.fingers.iter().map(|joints| joints[0])).collect();
+        let chain = linkage.posed(pose, shape);
+        let pairs = frame.landmarks.iter().filter_map(|seen| match sites.site(seen.site).at {
+            Site::Joint(joint) if palm.contains(&joint) => Some((chain.joint(joint), seen.place)),
+            _ => None,
+        });
+        let turn = rotation_between(&pairs.collect::<Vec<_>>()).filter(|turn| turn.is_finite())?;
+        let parent = linkage.parents()[self.wrist]?;
+        let mut turned = pose.clone();
+        turned.rotations[self.wrist] = chain.turns[parent].transpose() * turn * chain.turns[self.wrist];
+        Some(turned)
+    }
+
+    /// The pose with some fingers bent otherwise.
+    fn with_bends(&self, pose: &FramePose, bends: impl Fn(usize) -> Option<f64>) -> FramePose {
+        let mut bent = pose.clone();
+        for (finger, joints) in self.fingers.iter().enumerate() {
+            if let Some(bend) = bends(finger) {
+                joints.iter().for_each(|joint| bent.rotations[*joint] = so3::exp(self.bent(*joint, bend)));
+            }
+        }
+        bent
+    }
+
+    /// Refits a pose that is tried, and keeps it if it lies better than the best.
     fn keep_better(
         &self,
         best: &mut (f64, FramePose),
-        bends: impl Fn(usize) -> Option<f64>,
+        tried: FramePose,
         shape: &[f64],
         frame: &Frame,
         scan: &IndexedTarget,
     ) -> Result<()> {
-        let mut tried = best.1.clone();
-        for (finger, joints) in self.fingers.iter().enumerate() {
-            if let Some(bend) = bends(finger) {
-                joints.iter().for_each(|joint| tried.rotations[*joint] = so3::exp(self.bent(*joint, bend)));
-            }
-        }
         let mut sequence = Sequence { poses: vec![tried], shape: shape.to_vec() };
         let bare = vec![0.0; self.fitter.surface.len()];
         sequence.run(&self.fitter, &STAGE, std::slice::from_ref(frame), &bare)?;

@@ -1,17 +1,21 @@
 //! How well one frame's body lies on its scan, by what can be measured without knowing the truth.
 //!
-//! Of each part: the distance between the outside of its clothing and the scan, and the share of it that is far. Of the scan: the
-//! share of its points that are far from the body. Metres in, millimetres out.
+//! Of each part: the distance between the outside of its clothing and the scan, and the share of it that is far. Of each hand: how far its
+//! joints are from their landmarks. Of the scan: the share of its points that are far from the body. Metres in, millimetres out.
 
 use std::collections::BTreeMap;
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use xavatar_body::{PartGroup, Role};
 use xavatar_formats::{Error, Result};
 
+use super::hands::fingers;
 use super::sequence::{Frame, Sequence};
 use super::subject::Fitter;
+use crate::landmarks::{Seen, Site};
+use crate::linear::PosedChain;
 
 /// A vertex is far from the scan beyond this.
 const FAR: f64 = 0.015;
@@ -32,10 +36,16 @@ pub struct PartQuality {
 pub struct FrameQuality {
     /// By the parts' names.
     pub parts: BTreeMap<String, PartQuality>,
+    /// Mean distance of the finger joints of each hand from their landmarks, millimetres; of hands that have some.
+    #[serde(default)]
+    pub landmarks_mm: BTreeMap<String, f64>,
     /// Share of the scan's points farther than 25 mm from the body.
     pub uncovered: f64,
     /// Components of joints that are beyond their limits.
     pub beyond_limits: usize,
+    /// Limbs that are not where the scan has them, each with its distance, as `check` and `train` find them; none where that was not looked at.
+    #[serde(default)]
+    pub slipped: Vec<String>,
 }
 
 impl Fitter<'_> {
@@ -82,9 +92,27 @@ impl Fitter<'_> {
         };
         Ok(FrameQuality {
             parts: by_part.into_iter().map(part).collect(),
+            landmarks_mm: self.from_landmarks(&posed.chain, frame),
             uncovered,
             beyond_limits: self.prior.beyond_limits(pose).len(),
+            slipped: Vec::new(),
         })
+    }
+
+    /// How far the fingers of each hand are from their landmarks.
+    fn from_landmarks(&self, chain: &PosedChain, frame: &Frame) -> BTreeMap<String, f64> {
+        let skeleton = self.model.skeleton();
+        let of_hand = |part: &PartGroup| {
+            let fingers: Vec<usize> = fingers(skeleton, part).collect();
+            let distance = |seen: &Seen| match self.sites.site(seen.site).at {
+                Site::Joint(joint) if fingers.contains(&joint) => Some(chain.joint(joint).distance(seen.place)),
+                _ => None,
+            };
+            let distances: Vec<f64> = frame.landmarks.iter().filter_map(distance).collect();
+            (!distances.is_empty())
+                .then(|| (part.name.clone(), 1e3 * distances.iter().sum::<f64>() / distances.len() as f64))
+        };
+        skeleton.parts_of(Role::Hands).filter_map(|part| of_hand(&skeleton.parts[part.index()])).collect()
     }
 
     /// Metres between neighbouring vertices of the body's surface.

@@ -11,12 +11,23 @@ use crate::terms::{LandmarkTerm, SurfaceTerm};
 pub enum Freed {
     /// The root, limbs, spine, neck and head.
     Body,
+    /// Shoulders, elbows and wrists.
+    Arms,
     /// Wrists and fingers.
     Hands,
     /// Neck, head and jaw.
     Face,
     /// All but the eyes.
     All,
+}
+
+/// Limbs that are tried in several ways after a stage, since no small step leads from one to the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Limbs {
+    /// Rolled and bent otherwise.
+    Arms,
+    /// Turned, and with other fingers bent.
+    Hands,
 }
 
 /// One stage.
@@ -38,6 +49,8 @@ pub struct Stage {
     pub shape_prior: f64,
     /// What an expression coefficient of 1 costs.
     pub expression_prior: f64,
+    /// What is tried after it.
+    pub settled: Option<Limbs>,
 }
 
 const fn surface(normal_weight: f64, reach: f64, deviation: f64) -> Option<SurfaceTerm> {
@@ -61,8 +74,9 @@ const BASIS: Stage = Stage {
     surface: None,
     landmarks: None,
     // Cloth is no independent noise: the mean shape has to count.
-    shape_prior: 20.0,
+    shape_prior: 8.0,
     expression_prior: 0.3,
+    settled: None,
 };
 
 /// From landmarks alone.
@@ -136,6 +150,7 @@ pub const STAGES: [Stage; 4] = [
         steps: 4,
         surface: surface(0.04, 0.04, 0.008),
         landmarks: landmarks(0.05, 0.06, true),
+        settled: Some(Limbs::Arms),
         ..BASIS
     },
     Stage {
@@ -145,6 +160,7 @@ pub const STAGES: [Stage; 4] = [
         steps: 5,
         surface: surface(0.04, 0.02, 0.004),
         landmarks: landmarks(0.015, 0.04, true),
+        settled: Some(Limbs::Hands),
         ..BASIS
     },
     Stage {

@@ -15,7 +15,7 @@ use super::subject::Fitter;
 use crate::landmarks::Seen;
 use crate::linear::{Basis, FramePose, NormalEquations, Unknowns};
 use crate::target::{IndexedTarget, ScanTarget};
-use crate::terms::{Dressed, add_expression};
+use crate::terms::{Dressed, MotionTerm, add_expression};
 
 /// Damping: share of the diagonal that is added to it.
 const DAMPING: f64 = 1e-2;
@@ -33,6 +33,8 @@ pub struct Frame {
     pub scan: Arc<ScanTarget>,
     /// Landmarks that are believed; none without.
     pub landmarks: Vec<Seen>,
+    /// What the frames before and after it say, if they are known and near in time.
+    pub motion: Option<MotionTerm>,
 }
 
 /// Frames while they are fitted.
@@ -48,12 +50,13 @@ pub struct Sequence {
 struct IndexedFrame<'a> {
     scan: Option<IndexedTarget>,
     landmarks: &'a [Seen],
+    motion: Option<&'a MotionTerm>,
 }
 
 impl<'a> IndexedFrame<'a> {
     fn new(frame: &'a Frame, stage: &Stage) -> Result<Self> {
         let scan = stage.surface.map(|term| IndexedTarget::new(&frame.scan, term.normal_weight)).transpose()?;
-        Ok(Self { scan, landmarks: &frame.landmarks })
+        Ok(Self { scan, landmarks: &frame.landmarks, motion: frame.motion.as_ref() })
     }
 }
 
@@ -170,6 +173,9 @@ impl Fitter<'_> {
         if let Some(term) = &stage.landmarks {
             let basis = Basis { linkage: &self.linkage, chain: &posed.chain, unknowns };
             term.add(basis, &self.sites, frame.landmarks, &mut equations);
+        }
+        if let Some(motion) = frame.motion {
+            motion.add(pose, unknowns, &mut equations);
         }
         self.prior.add(pose, unknowns, &mut equations);
         add_expression(pose, stage.expression_prior, unknowns, &mut equations);

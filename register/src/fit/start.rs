@@ -61,6 +61,18 @@ fn joint_of(sites: &Sites, name: &str) -> Option<usize> {
     }
 }
 
+/// The rotation that takes points nearest to others, both about their means; none if they lie on a line.
+pub(super) fn rotation_between(pairs: &[(DVec3, DVec3)]) -> Option<DMat3> {
+    let count = pairs.len().max(1) as f64;
+    let [from, to] = [pairs.iter().map(|(from, _)| *from).sum::<DVec3>(), pairs.iter().map(|(_, to)| *to).sum()];
+    let (from, to) = (from / count, to / count);
+    let product = |(a, b): &(DVec3, DVec3)| {
+        let (a, b) = (*a - from, *b - to);
+        Matrix3::from_fn(|row, column| a[row] * b[column])
+    };
+    nearest_rotation(pairs.iter().map(product).sum())
+}
+
 /// The rotation R that makes tr(R H) largest; none if points lie on a line.
 fn nearest_rotation(covariance: Matrix3<f64>) -> Option<DMat3> {
     let decomposed = covariance.svd(true, true);
@@ -88,12 +100,9 @@ mod tests {
     fn a_rotation_is_found_from_points_that_it_turned_even_in_a_plane() {
         let turn = so3::exp(DVec3::new(0.3, 2.0, -0.8));
         let points = [DVec3::new(0.1, 0.0, 0.0), DVec3::new(-0.1, 0.5, 0.0), DVec3::new(0.2, -0.3, 0.0)];
-        let mut covariance = Matrix3::zeros();
-        for point in points {
-            let turned = turn * point;
-            covariance += Matrix3::from_fn(|row, column| point[row] * turned[column]);
-        }
-        assert!((nearest_rotation(covariance).unwrap() - turn).to_cols_array().iter().all(|entry| entry.abs() < 1e-12));
+        let pairs = points.map(|point| (point, turn * point + DVec3::ONE));
+        let found = rotation_between(&pairs).unwrap();
+        assert!((found - turn).to_cols_array().iter().all(|entry| entry.abs() < 1e-12));
         assert!(nearest_rotation(Matrix3::from_fn(|row, column| points[0][row] * points[0][column])).is_none());
     }
 }

@@ -5,7 +5,7 @@ use xavatar_body::{BodyModel, PartLabels};
 use xavatar_formats::Result;
 
 use super::clothing::Clothing;
-use super::schedule::{COARSE, DRESSED, FROM_LANDMARKS, Freed, ROUNDS, STAGES, Stage};
+use super::schedule::{COARSE, DRESSED, FROM_LANDMARKS, Freed, Limbs, ROUNDS, STAGES, Stage};
 use super::sequence::{Frame, Sequence};
 use crate::landmarks::Sites;
 use crate::linear::{Besides, FramePose, Linkage, Unknowns};
@@ -24,6 +24,8 @@ pub struct Fitter<'a> {
     pub sites: Sites,
     /// What is known of its poses.
     pub prior: PosePrior,
+    /// The joints that may be turned, of those that a stage turns; of a limb that is fitted alone.
+    own_joints: Option<Vec<usize>>,
 }
 
 /// What all frames of a subject share.
@@ -72,12 +74,26 @@ impl<'a> Fitter<'a> {
             prior: PosePrior::of(model),
             linkage,
             model,
+            own_joints: None,
+        }
+    }
+
+    /// A fitter of some of the vertices, which turns some of the joints alone.
+    pub(super) fn limb(&self, vertices: &[usize], joints: Vec<usize>) -> Self {
+        Self {
+            surface: self.surface.chosen(vertices),
+            sites: self.sites.clone(),
+            prior: self.prior.clone(),
+            linkage: self.linkage.clone(),
+            model: self.model,
+            own_joints: Some(joints),
         }
     }
 
     /// What a stage solves for on this body.
     pub fn unknowns(&self, stage: &Stage) -> Unknowns {
         let names = &self.model.skeleton().joints;
+        let is_own = |joint: &usize| self.own_joints.as_ref().is_none_or(|own| own.contains(joint));
         let is_freed = |joint: &usize| {
             let name = names[*joint].as_str();
             let is_eye = name.ends_with("_eye");
@@ -85,12 +101,13 @@ impl<'a> Fitter<'a> {
             let is_finger = name.ends_with(['1', '2', '3']) && !name.starts_with("spine");
             match stage.freed {
                 Freed::Body => !is_eye && !is_jaw && !is_finger,
+                Freed::Arms => ["shoulder", "elbow", "wrist"].iter().any(|joint| name.ends_with(joint)),
                 Freed::Hands => is_finger || name.ends_with("wrist"),
                 Freed::Face => is_jaw || matches!(name, "neck" | "head"),
                 Freed::All => !is_eye,
             }
         };
-        let joints: Vec<usize> = (0..names.len()).filter(is_freed).collect();
+        let joints: Vec<usize> = (0..names.len()).filter(is_freed).filter(is_own).collect();
         Unknowns::new(self.linkage.extents(), &joints, stage.besides)
     }
 
@@ -113,9 +130,7 @@ impl<'a> Fitter<'a> {
         for (index, stage) in stages.iter().enumerate() {
             done(stage.name, index as f64 / total);
             sequence.run(self, stage, frames, &clothing.thickness)?;
-            if stage.freed == Freed::Hands && stage.surface.is_some() {
-                self.settle_hands(&mut sequence, frames)?;
-            }
+            self.settle(stage.settled, &mut sequence, frames, &clothing.thickness)?;
         }
         let dressed = shape_freed(DRESSED, known.shape.is_none());
         for round in 0..ROUNDS {
@@ -141,20 +156,41 @@ impl<'a> Fitter<'a> {
         stages.push(shape_freed(Stage { steps: 4 * DRESSED.steps, ..DRESSED }, false));
         for stage in &stages {
             sequence.run(self, stage, frames, &shaped.clothing.thickness)?;
-            if stage.freed == Freed::Hands && stage.surface.is_some() {
-                self.settle_hands(&mut sequence, frames)?;
-            }
+            self.settle(stage.settled, &mut sequence, frames, &shaped.clothing.thickness)?;
         }
         Ok(sequence.poses.remove(0))
     }
 
-    /// Bends the fingers of every frame as they lie best.
-    fn settle_hands(&self, sequence: &mut Sequence, frames: &[Frame]) -> Result<()> {
-        let (hands, shape) = (self.hands(), &sequence.shape);
-        let settled = |(pose, frame): (&FramePose, &Frame)| {
-            hands.iter().try_fold(pose.clone(), |pose, hand| hand.settled(pose, shape, frame))
+    /// Fits the pose of one frame that lies on its scan again, to what its neighbours say.
+    ///
+    /// # Errors
+    /// As [`fit`](Self::fit).
+    pub fn fit_between(&self, pose: FramePose, frame: &Frame, shaped: &Shaped) -> Result<FramePose> {
+        let mut sequence = Sequence { poses: vec![pose], shape: shaped.shape.clone() };
+        let stage = shape_freed(DRESSED, false);
+        sequence.run(self, &stage, std::slice::from_ref(frame), &shaped.clothing.thickness)?;
+        Ok(sequence.poses.remove(0))
+    }
+
+    /// Has limbs of every frame tried in ways that no small step leads to.
+    fn settle(&self, limbs: Option<Limbs>, sequence: &mut Sequence, frames: &[Frame], clothing: &[f64]) -> Result<()> {
+        let shape = &sequence.shape;
+        let in_all = |settled: &(dyn Fn(&FramePose, &Frame) -> Result<FramePose> + Sync)| {
+            sequence.poses.par_iter().zip(frames).map(|(pose, frame)| settled(pose, frame)).collect::<Result<_>>()
         };
-        sequence.poses = sequence.poses.par_iter().zip(frames).map(settled).collect::<Result<_>>()?;
+        sequence.poses = match limbs {
+            None => return Ok(()),
+            Some(Limbs::Arms) => {
+                let arms = self.arms(clothing);
+                in_all(&|pose, frame| arms.iter().try_fold(pose.clone(), |pose, arm| arm.settled(pose, shape, frame)))?
+            }
+            Some(Limbs::Hands) => {
+                let hands = self.hands();
+                in_all(&|pose, frame| {
+                    hands.iter().try_fold(pose.clone(), |pose, hand| hand.settled(pose, shape, frame))
+                })?
+            }
+        };
         Ok(())
     }
 

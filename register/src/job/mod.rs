@@ -5,10 +5,12 @@
 
 mod coordinates;
 mod detection;
+mod motion;
 mod record;
 mod report;
 mod scored;
 mod shared;
+mod smooth;
 mod write;
 
 use std::path::PathBuf;
@@ -16,9 +18,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
-use xavatar_body::{BodyModel, PartLabels, smplx};
-use xavatar_data::{FrameFiles, Scans, Split};
+use xavatar_body::{BodyModel, BodyParameters, PartLabels, smplx};
+use xavatar_data::{FrameFiles, LimbCheck, ScanFrame, Scans, Split};
 use xavatar_formats::{Error, FolderLock, Result};
+use xavatar_mesh::TriangleMesh;
 
 pub use coordinates::{FileCoordinates, Up};
 pub use detection::find_landmarks;
@@ -56,6 +59,8 @@ pub struct Job<'a> {
     pub known: Known,
     /// The sequence that shape is found from, if not all.
     pub shape_from: Option<String>,
+    /// How fast frames of a sequence follow each other, if that is known and they do.
+    pub frames_per_second: Option<f64>,
     /// The folder for the data.
     pub out: PathBuf,
 }
@@ -71,20 +76,33 @@ struct Prepared {
 }
 
 impl Job<'_> {
-    /// Registers the subject; none if it was stopped, and the same call goes on.
+    /// Registers the subject, and leaves data to train on; none if it was stopped, and the same call goes on.
     ///
     /// # Errors
     /// [`Error::Mismatch`] for a body of another family than the data's layout takes; [`Error::Unfit`] if no frame can be started;
     /// [`Error::Frame`] for a scan that cannot be read; [`Error::Io`].
     pub fn run(&self, observe: &mut Observer<'_>, stop: &AtomicBool) -> Result<Option<RegistrationReport>> {
-        self.body.skeleton().require(smplx::skeleton(), "the body that scans are registered with")?;
         let _lock = FolderLock::take(&self.out)?;
         let working = Working::new(self)?;
-        working.write_landmarks()?;
-        let Some(shaped) = working.shaped(observe, stop)? else { return Ok(None) };
-        let Some(records) = working.records(&shaped, observe, stop)? else { return Ok(None) };
-        let Some(records) = working.tried_again(records, &shaped, observe, stop)? else { return Ok(None) };
+        let Some((records, shaped)) = working.fitted_frames(observe, stop)? else { return Ok(None) };
         working.write_data(&records, &shaped, observe).map(Some)
+    }
+
+    /// Registers the subject, and leaves the motion of every sequence in place of data; their files are returned with the report.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn capture(
+        &self,
+        observe: &mut Observer<'_>,
+        stop: &AtomicBool,
+    ) -> Result<Option<(RegistrationReport, Vec<PathBuf>)>> {
+        let _lock = FolderLock::take(&self.out)?;
+        let working = Working::new(self)?;
+        let Some((records, shaped)) = working.fitted_frames(observe, stop)? else { return Ok(None) };
+        let reports = working.reports(&records)?;
+        let motions = working.write_motions(&records, &reports, &shaped)?;
+        Ok(Some((working.write_report(reports, &shaped)?, motions)))
     }
 }
 
@@ -93,6 +111,7 @@ struct Working<'a> {
     job: &'a Job<'a>,
     fitter: Fitter<'a>,
     coarse: Fitter<'a>,
+    limbs: LimbCheck<'a>,
     coordinates: FileCoordinates,
     files: Vec<&'a FrameFiles>,
     /// Of each frame: its place in its sequence, and how many that has.
@@ -102,11 +121,21 @@ struct Working<'a> {
 
 impl<'a> Working<'a> {
     fn new(job: &'a Job<'a>) -> Result<Self> {
+        job.body.skeleton().require(smplx::skeleton(), "the body that scans are registered with")?;
         let files: Vec<&FrameFiles> =
             [Split::Train, Split::Test].into_iter().flat_map(|split| job.scans.files(split)).collect();
         let of_sequence = |one: &FrameFiles, other: &FrameFiles| {
             (&one.id.split, &one.id.sequence) == (&other.id.split, &other.id.sequence)
         };
+        if let Some(name) = job.shape_from.as_ref().filter(|name| files.iter().all(|one| one.id.sequence != **name)) {
+            let mut known: Vec<&str> = files.iter().map(|one| one.id.sequence.as_str()).collect();
+            known.dedup();
+            return Err(Error::Missing {
+                path: job.scans.folder.clone(),
+                what: format!("the sequence {name}"),
+                remedy: format!("name one of {}", known.join(", ")).into(),
+            });
+        }
         let place = |index: usize| {
             let others = files.iter().enumerate().filter(|(_, other)| of_sequence(files[index], other));
             let all: Vec<usize> = others.map(|(other, _)| other).collect();
@@ -115,6 +144,7 @@ impl<'a> Working<'a> {
         Ok(Self {
             fitter: Fitter::new(job.body, job.labels, Density::FINE),
             coarse: Fitter::new(job.body, job.labels, Density::COARSE),
+            limbs: LimbCheck::new(job.body),
             coordinates: FileCoordinates::of_scans(&files, job.up)?,
             places: (0..files.len()).map(place).collect(),
             kept: job.out.join(RECORDS),
@@ -123,15 +153,24 @@ impl<'a> Working<'a> {
         })
     }
 
+    /// The records of all frames, and what they share; none if the job was stopped.
+    fn fitted_frames(
+        &self,
+        observe: &mut Observer<'_>,
+        stop: &AtomicBool,
+    ) -> Result<Option<(Vec<Option<Record>>, Shaped)>> {
+        self.write_landmarks()?;
+        let Some(shaped) = self.shaped(observe, stop)? else { return Ok(None) };
+        let Some(records) = self.records(&shaped, observe, stop)? else { return Ok(None) };
+        let Some(records) = self.tried_again(records, &shaped, observe, stop)? else { return Ok(None) };
+        let Some(records) = self.smoothed(records, &shaped, observe, stop)? else { return Ok(None) };
+        Ok(Some((records, shaped)))
+    }
+
     /// A frame's scan and landmarks, and where its fit begins.
     fn prepared(&self, index: usize) -> Result<Prepared> {
-        let files = self.files[index];
-        let mut scan = files.read_scan()?.mesh;
-        self.coordinates.apply(&mut scan);
-        let target = ScanTarget::of(&scan).map_err(|error| error.in_frame(files.id.to_string()))?;
-        let (landmarks, dropped) = self.landmarks(index)?;
+        let (frame, dropped) = self.frame(index)?;
         let Fitter { linkage, sites, prior, .. } = &self.fitter;
-        let frame = Frame { scan: Arc::new(target), landmarks };
         let start = match self.job.landmarks {
             Some(_) => from_landmarks(linkage, sites, prior, &frame.landmarks).map(Start::FromLandmarks),
             None => {
@@ -139,6 +178,21 @@ impl<'a> Working<'a> {
             }
         };
         Ok(Prepared { frame, start, dropped })
+    }
+
+    /// A frame's scan and the landmarks that are believed, and the names of those that are not.
+    fn frame(&self, index: usize) -> Result<(Frame, Vec<String>)> {
+        let target =
+            ScanTarget::of(&self.scan(index)?).map_err(|error| error.in_frame(self.files[index].id.to_string()))?;
+        let (landmarks, dropped) = self.landmarks(index)?;
+        Ok((Frame { scan: Arc::new(target), landmarks, motion: None }, dropped))
+    }
+
+    /// A frame's scan, metres, Y up.
+    fn scan(&self, index: usize) -> Result<TriangleMesh> {
+        let mut scan = self.files[index].read_scan()?.mesh;
+        self.coordinates.apply(&mut scan);
+        Ok(scan)
     }
 
     fn landmarks(&self, index: usize) -> Result<(Vec<Seen>, Vec<String>)> {
@@ -170,11 +224,12 @@ impl<'a> Working<'a> {
         }
         let Some(begun) = self.begun(&chosen, observe, stop)? else { return Ok(None) };
         let (shaped, poses) = self.fitted_together(&begun, &known, observe)?;
-        let frames: Vec<Frame> = begun.iter().map(|(_, prepared)| prepared.frame.clone()).collect();
-        let sequence = Sequence { poses, shape: shaped.shape.clone() };
-        let qualities = self.fitter.qualities(&sequence, &frames, &shaped.clothing.thickness)?;
-        for (((index, prepared), pose), quality) in begun.iter().zip(&sequence.poses).zip(qualities) {
-            self.record(*index, prepared, pose, quality)?;
+        let quality = |((index, prepared), pose): (&(usize, Prepared), &FramePose)| {
+            self.quality(*index, pose, &prepared.frame, &shaped)
+        };
+        let qualities: Vec<FrameQuality> = begun.par_iter().zip(&poses).map(quality).collect::<Result<_>>()?;
+        for (((index, prepared), pose), quality) in begun.iter().zip(&poses).zip(qualities) {
+            self.record(*index, &prepared.frame, &prepared.dropped, pose, quality)?;
         }
         // Last: its presence says that the key frames are done.
         shared::write(&self.job.out, &self.fitter, &shaped)?;
@@ -227,12 +282,16 @@ impl<'a> Working<'a> {
         self.fitter.fit(starts, &frames, known, |stage, share| observe("shape", share, stage))
     }
 
-    fn record(&self, index: usize, prepared: &Prepared, pose: &FramePose, quality: FrameQuality) -> Result<Record> {
-        let circumstances = Circumstances {
-            middle: prepared.frame.scan.middle(),
-            landmarks: prepared.frame.landmarks.len(),
-            dropped: prepared.dropped.clone(),
-        };
+    fn record(
+        &self,
+        index: usize,
+        frame: &Frame,
+        dropped: &[String],
+        pose: &FramePose,
+        quality: FrameQuality,
+    ) -> Result<Record> {
+        let circumstances =
+            Circumstances { middle: frame.scan.middle(), landmarks: frame.landmarks.len(), dropped: dropped.to_vec() };
         Record::new(pose, quality, circumstances).kept(&self.kept, &self.files[index].id)
     }
 
@@ -266,13 +325,23 @@ impl<'a> Working<'a> {
         let prepared = self.prepared(index)?;
         let Some(start) = prepared.start.clone() else { return Ok(None) };
         let pose = self.fitter.fit_pose(start, &prepared.frame, shaped)?;
-        let quality = self.quality(&pose, &prepared.frame, shaped)?;
-        self.record(index, &prepared, &pose, quality).map(Some)
+        let quality = self.quality(index, &pose, &prepared.frame, shaped)?;
+        self.record(index, &prepared.frame, &prepared.dropped, &pose, quality).map(Some)
     }
 
-    fn quality(&self, pose: &FramePose, frame: &Frame, shaped: &Shaped) -> Result<FrameQuality> {
+    /// How well a pose lies, by the fit's own measures and by what `train` holds against data.
+    fn quality(&self, index: usize, pose: &FramePose, frame: &Frame, shaped: &Shaped) -> Result<FrameQuality> {
         let sequence = Sequence { poses: vec![pose.clone()], shape: shaped.shape.clone() };
-        Ok(self.fitter.qualities(&sequence, std::slice::from_ref(frame), &shaped.clothing.thickness)?.remove(0))
+        let frames = std::slice::from_ref(frame);
+        let quality = self.fitter.qualities(&sequence, frames, &shaped.clothing.thickness)?.remove(0);
+        let scan = ScanFrame {
+            id: self.files[index].id.clone(),
+            scan: self.scan(index)?,
+            parameters: BodyParameters::from(self.relative_to_mean(&pose.pose(&shaped.shape))),
+            unseen_parts: Vec::new(),
+            notes: Vec::new(),
+        };
+        Ok(FrameQuality { slipped: self.limbs.slipped(&scan)?, ..quality })
     }
 
     /// Fits doubtful frames, and those without a start, again from good ones near them.
@@ -296,18 +365,18 @@ impl<'a> Working<'a> {
             let id = &self.files[index].id;
             let bad_count = bad.iter().filter(|bad| **bad).count();
             observe("again", 1.0 - bad_count as f64 / bad.len() as f64, &id.to_string());
-            let prepared = self.prepared(index)?;
+            let (frame, dropped) = self.frame(index)?;
             let mut best = records[index].clone();
             for other in self.neighbours(index, &bad).collect::<Vec<_>>() {
                 let Some(neighbour) = &records[other] else { continue };
                 let mut start = neighbour.pose(self.fitter.linkage.extents());
-                start.translation += prepared.frame.scan.middle() - glam::DVec3::from(neighbour.middle);
-                let pose = self.fitter.fit_pose(Start::FromElsewhere(start), &prepared.frame, shaped)?;
-                let quality = self.quality(&pose, &prepared.frame, shaped)?;
+                start.translation += frame.scan.middle() - glam::DVec3::from(neighbour.middle);
+                let pose = self.fitter.fit_pose(Start::FromElsewhere(start), &frame, shaped)?;
+                let quality = self.quality(index, &pose, &frame, shaped)?;
                 if best.as_ref().is_none_or(|best| quality.misfit() < best.quality.misfit()) {
                     best = Some(match best {
                         Some(best) => best.replaced(&pose, quality),
-                        None => self.record(index, &prepared, &pose, quality)?,
+                        None => self.record(index, &frame, &dropped, &pose, quality)?,
                     });
                 }
             }

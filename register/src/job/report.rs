@@ -36,6 +36,9 @@ pub struct FrameReport {
     pub quality: Option<FrameQuality>,
     /// Hands that the scan does not show: their fingers are relaxed, and say nothing.
     pub missing_hands: Vec<String>,
+    /// Hands that do not lie where their landmarks are: they say nothing, either.
+    #[serde(default)]
+    pub turned_hands: Vec<String>,
     /// Landmarks that were believed.
     pub landmarks: usize,
     /// Landmarks that were not.
@@ -88,6 +91,9 @@ pub(super) fn summary(
 
 /// Why a frame is not believed.
 pub(super) fn why(quality: &FrameQuality) -> String {
+    if !quality.slipped.is_empty() {
+        return format!("{} from the scan", quality.slipped.join(", "));
+    }
     format!(
         "{:.0} % of the scan is not covered by the body, {:.0} % of the body is far from the scan",
         1e2 * quality.uncovered,
@@ -129,6 +135,9 @@ impl fmt::Display for RegistrationReport {
         let hands = self.frames.iter().filter(|frame| !frame.missing_hands.is_empty()).count();
         if hands > 0 {
             writeln!(f, "hands              not in the scan in {hands} frames")?;
+        }
+        for frame in self.frames.iter().filter(|frame| !frame.turned_hands.is_empty()) {
+            writeln!(f, "turned: {}: {} away from its landmarks", frame.frame, frame.turned_hands.join(", "))?;
         }
         for frame in &self.frames {
             match frame.verdict {

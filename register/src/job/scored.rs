@@ -37,7 +37,7 @@ pub fn score_registration(
     let read = |files: &FrameFiles| -> Result<(FramePose, Frame)> {
         let frame = read_frame(files, &subject.betas)?;
         let pose = FramePose::of(&body.resolve(&frame.parameters)?, extents);
-        Ok((pose, Frame { scan: Arc::new(ScanTarget::of(&frame.scan)?), landmarks: Vec::new() }))
+        Ok((pose, Frame { scan: Arc::new(ScanTarget::of(&frame.scan)?), landmarks: Vec::new(), motion: None }))
     };
     let count = files.len().min(KEY_FRAMES);
     let keys = (0..count).into_par_iter().filter_map(|place| read(files[place * files.len() / count]).ok());
@@ -73,6 +73,7 @@ pub fn score_registration(
                 .as_ref()
                 .map(|quality| quality.missing_hands(body.skeleton(), &[]))
                 .unwrap_or_default(),
+            turned_hands: Vec::new(),
             quality: quality.ok(),
             landmarks: 0,
             dropped_landmarks: Vec::new(),

@@ -2,16 +2,16 @@
 
 use std::io::Write;
 
-use xavatar_body::{BodyParameters, Gender, HandPose, PartGroup, Pose, PoseAxisAngle, Role, Skeleton, smplx};
+use xavatar_body::{BodyParameters, Gender, HandPose, Pose, PoseAxisAngle, Role, smplx};
 use xavatar_data::{FrameFolder, write_common};
 use xavatar_formats::{Error, Result, write_atomically};
 
 use super::record::Record;
 use super::report::{FrameReport, REPORT_FILE, RegistrationReport, Verdict, summary, why};
 use super::{Observer, Working};
-use crate::fit::{FrameQuality, Shaped};
+use crate::fit::{FrameQuality, Shaped, fingers, turned_hands};
 use crate::landmarks::{LANDMARKS_FILE, write_own};
-use crate::linear::so3;
+use crate::linear::{FramePose, so3};
 
 impl Working<'_> {
     /// Writes all frames that are registered, and the report.
@@ -21,27 +21,53 @@ impl Working<'_> {
         shaped: &Shaped,
         observe: &mut Observer<'_>,
     ) -> Result<RegistrationReport> {
-        let bad = self.are_bad(records);
-        let unseen = self.hands_without_landmarks()?;
+        let reports = self.reports(records)?;
         let betas: Vec<f32> = shaped.shape.iter().map(|value| *value as f32).collect();
         write_common(&self.job.out, self.job.scans.gender.unwrap_or(Gender::Neutral), &betas)?;
-        let mut frames = Vec::new();
-        for (index, record) in records.iter().enumerate() {
+        for (index, (record, report)) in records.iter().zip(&reports).enumerate() {
             let id = &self.files[index].id;
             observe("writing", index as f64 / records.len() as f64, &id.to_string());
             let folder = FrameFolder::of(&self.job.out, id);
-            let report = self.report_of(index, record.as_ref(), bad[index], &unseen[index]);
             match record.as_ref().filter(|_| report.verdict == Verdict::Registered) {
                 Some(record) => self.write_frame(&folder, index, record, &report.missing_hands, shaped)?,
                 None => folder.clear()?,
             }
-            frames.push(report);
         }
+        self.write_report(reports, shaped)
+    }
+
+    /// What became of every frame, in order.
+    pub(super) fn reports(&self, records: &[Option<Record>]) -> Result<Vec<FrameReport>> {
+        let bad = self.are_bad(records);
+        let unseen = self.hands_without_landmarks()?;
+        let known: Vec<&FrameQuality> = records.iter().flatten().map(|record| &record.quality).collect();
+        let mut turned = turned_hands(&known).into_iter();
+        let report = |(index, record): (usize, &Option<Record>)| {
+            let turned = record.as_ref().and_then(|_| turned.next()).unwrap_or_default();
+            self.report_of(index, record.as_ref(), bad[index], &unseen[index], turned)
+        };
+        Ok(records.iter().enumerate().map(report).collect())
+    }
+
+    /// Writes the report of all frames.
+    pub(super) fn write_report(&self, frames: Vec<FrameReport>, shaped: &Shaped) -> Result<RegistrationReport> {
         let report = summary(self.coordinates, shaped, &self.fitter, frames);
         let path = self.job.out.join(REPORT_FILE);
         let text = serde_json::to_string_pretty(&report).map_err(|error| Error::io(&path)(error.into()))?;
         write_atomically(&path, |writer| writeln!(writer, "{text}"))?;
         Ok(report)
+    }
+
+    /// The pose of a frame, with the fingers of hands that the scan lacks relaxed.
+    pub(super) fn pose_of(&self, record: &Record, missing_hands: &[String]) -> FramePose {
+        let mut pose = record.pose(self.fitter.linkage.extents());
+        let skeleton = self.job.body.skeleton();
+        for part in missing_hands.iter().filter_map(|name| skeleton.part_named(name)) {
+            for joint in fingers(skeleton, &skeleton.parts[part.index()]) {
+                pose.rotations[joint] = so3::exp(self.fitter.prior.mean(joint));
+            }
+        }
+        pose
     }
 
     /// Writes the landmarks that were given or found, in our own format: a point can be corrected there, and the file given.
@@ -82,17 +108,25 @@ impl Working<'_> {
         Ok(seen.iter().map(unseen).collect())
     }
 
-    fn report_of(&self, index: usize, record: Option<&Record>, is_bad: bool, unseen: &[String]) -> FrameReport {
+    fn report_of(
+        &self,
+        index: usize,
+        record: Option<&Record>,
+        is_bad: bool,
+        unseen: &[String],
+        mut turned_hands: Vec<String>,
+    ) -> FrameReport {
         let quality = record.map(|record| record.quality.clone());
+        let good = quality.as_ref().filter(|_| !is_bad);
+        let missing_hands =
+            good.map(|quality| quality.missing_hands(self.job.body.skeleton(), unseen)).unwrap_or_default();
+        turned_hands.retain(|hand| good.is_some() && !missing_hands.contains(hand));
         FrameReport {
             frame: self.files[index].id.to_string(),
             verdict: if is_bad { Verdict::LeftOut } else { Verdict::Registered },
             reason: if is_bad { self.reason(quality.as_ref()) } else { String::new() },
-            missing_hands: quality
-                .as_ref()
-                .filter(|_| !is_bad)
-                .map(|quality| quality.missing_hands(self.job.body.skeleton(), unseen))
-                .unwrap_or_default(),
+            missing_hands,
+            turned_hands,
             quality,
             landmarks: record.map_or(0, |record| record.landmarks),
             dropped_landmarks: record.map(|record| record.dropped.clone()).unwrap_or_default(),
@@ -123,24 +157,15 @@ impl Working<'_> {
             None => false,
         };
         if !is_linked {
-            let mut scan = files.read_scan()?.mesh;
-            self.coordinates.apply(&mut scan);
-            folder.write_scan(&scan)?;
+            folder.write_scan(&self.scan(index)?)?;
         }
-        let mut pose = record.pose(self.fitter.linkage.extents());
-        let skeleton = self.job.body.skeleton();
-        for part in missing_hands.iter().filter_map(|name| skeleton.part_named(name)) {
-            for joint in fingers(skeleton, &skeleton.parts[part.index()]) {
-                pose.rotations[joint] = so3::exp(self.fitter.prior.mean(joint));
-            }
-        }
-        let pose = pose.pose(&shaped.shape);
+        let pose = self.pose_of(record, missing_hands).pose(&shaped.shape);
         let mesh = self.job.body.mesh(self.job.body.pose(&pose)?.vertices);
         folder.write_body(&BodyParameters::from(self.relative_to_mean(&pose)), &mesh)
     }
 
     /// SMPL-X's parameters with hands as offsets from the model's mean hands, X-Humans' convention.
-    fn relative_to_mean(&self, pose: &Pose) -> smplx::Parameters {
+    pub(super) fn relative_to_mean(&self, pose: &Pose) -> smplx::Parameters {
         let parameters = smplx::Parameters::from(pose);
         let offsets = |hand: HandPose, side: usize| match (hand, self.job.body.hands().get(side)) {
             (HandPose::Flat(mut fingers), Some(space)) => {
@@ -159,9 +184,4 @@ impl Working<'_> {
             ..parameters
         }
     }
-}
-
-/// The joints of a hand but for its wrist.
-fn fingers<'a>(skeleton: &'a Skeleton, hand: &'a PartGroup) -> impl Iterator<Item = usize> + 'a {
-    hand.joints.iter().copied().filter(|joint| !skeleton.joints[*joint].ends_with("wrist"))
 }

@@ -62,6 +62,18 @@ impl FramePose {
         }
     }
 
+    /// On the way to another, `share` (0..1) of it: joints along their arcs.
+    #[must_use]
+    pub fn between(&self, other: &Self, share: f64) -> Self {
+        let turned = |(one, other): (&DMat3, &DMat3)| *one * so3::exp(so3::log(&(one.transpose() * *other)) * share);
+        let expression = self.expression.iter().zip(&other.expression);
+        Self {
+            rotations: self.rotations.iter().zip(&other.rotations).map(turned).collect(),
+            translation: self.translation.lerp(other.translation, share),
+            expression: expression.map(|(one, other)| one + (other - one) * share).collect(),
+        }
+    }
+
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.rotations.iter().all(|rotation| rotation.is_finite())

@@ -162,6 +162,8 @@ fn limits(name: &str) -> [Option<[f64; 2]>; 3] {
             "left_elbow" => degrees[..2].copy_from_slice(&[Some([-60.0, 60.0]), Some([-180.0, 0.0])]),
             "right_elbow" => degrees[..2].copy_from_slice(&[Some([-60.0, 60.0]), Some([0.0, 180.0])]),
             "left_wrist" | "right_wrist" => degrees[0] = Some([-90.0, 90.0]),
+            // A closed mouth closes no further: else the head nods and the jaw makes up for it.
+            "jaw" => degrees[0] = Some([0.0, 60.0]),
             _ => {}
         }
     }

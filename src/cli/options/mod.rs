@@ -5,4 +5,5 @@ pub mod inputs;
 pub mod meshes;
 pub mod motion;
 pub mod posing;
+pub mod scans;
 pub mod training;

@@ -179,7 +179,7 @@ fn read_bone_map(path: &Path) -> anyhow::Result<BTreeMap<String, String>> {
         .with_context(|| format!("{}: expected lines such as \"Hips\" = \"pelvis\"", path.display()))
 }
 
-fn positive(text: &str) -> Result<f32, String> {
+pub fn positive(text: &str) -> Result<f32, String> {
     let value = text.parse().ok().filter(|value: &f32| value.is_finite() && *value > 0.0);
     value.ok_or_else(|| "expected a positive number".into())
 }

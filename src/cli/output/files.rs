@@ -24,6 +24,14 @@ pub fn is_new_or_empty(folder: &Path) -> anyhow::Result<bool> {
     Ok(is_vacant(folder)?)
 }
 
+/// Checks, before the work, that a folder which a verb goes on with later is new, unless it does go on.
+pub fn new_or_resumed(folder: &Path, resume: bool) -> anyhow::Result<()> {
+    if !resume && !is_new_or_empty(folder)? {
+        bail!("{}: the folder is not empty; give a new --out, or --resume to go on", folder.display());
+    }
+    Ok(())
+}
+
 /// Checks, before the work, that a file can be written: its folder is there, and it is not, or is empty.
 pub fn new_file(path: &Path) -> anyhow::Result<()> {
     if std::fs::metadata(path).is_ok_and(|found| found.is_dir() || found.len() > 0) {

@@ -15,6 +15,7 @@ pub mod extract;
 pub mod fuse;
 pub mod info;
 pub mod man;
+pub mod mocap;
 pub mod pointcloud;
 pub mod register;
 pub mod render;

@@ -2,22 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
-use xavatar::body::Gender;
 use xavatar::data::{Scans, Subject};
-use xavatar::formats::read_npy;
-use xavatar::landmarks::Models;
-use xavatar::register::fit::Known;
-use xavatar::register::job::{Job, REPORT_FILE, Up, find_landmarks};
-use xavatar::register::landmarks::{LANDMARKS_FILE, LandmarkFiles};
+use xavatar::register::job::REPORT_FILE;
+use xavatar::register::landmarks::LANDMARKS_FILE;
 use xavatar::report::{REGISTRATION_PAGE, write_registration_page};
 
-use crate::cli::options::inputs::{SubjectArguments, load_body};
+use crate::cli::Outcome;
+use crate::cli::options::inputs::SubjectArguments;
+use crate::cli::options::scans::ScanArguments;
 use crate::cli::output::files;
 use crate::cli::output::json::JsonArgument;
 use crate::cli::output::progress::Progress;
 use crate::cli::output::report::command_line;
-use crate::cli::{Outcome, stop, wrong_usage};
 
 /// Register a body model to scans: poses, shape and clothing, as data to train on
 #[derive(clap::Args)]
@@ -30,39 +26,14 @@ use crate::cli::{Outcome, stop, wrong_usage};
     at. Landmarks: docs/registration.md. Frames that do not fit are left out of DATA and named; the exit code is 1 if more than a fifth\n\
     is. Ctrl-C stops after the frame; --resume goes on, and ends with the same files to the bit.")]
 pub struct Register {
-    /// The folder of one person's scans
-    #[arg(value_name = "SCANS")]
-    scans: PathBuf,
-    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl
-    #[arg(long, value_name = "BODY")]
-    body: PathBuf,
+    #[command(flatten)]
+    scans: ScanArguments,
     /// The folder for the data: new or empty, unless it is resumed
     #[arg(long, value_name = "DATA")]
     out: PathBuf,
-    /// Landmarks in the scans' coordinates: a file, or a folder with a file a frame
-    #[arg(long, value_name = "PATH", required_unless_present_any = ["geometry_only", "models"])]
-    landmarks: Option<PathBuf>,
-    /// MediaPipe's package, whose networks find the landmarks: its wheel of version 0.10.14, or a folder with it
-    #[arg(long, value_name = "PACKAGE", conflicts_with = "landmarks")]
-    models: Option<PathBuf>,
-    /// Without landmarks: people who stand are found by the scans' shapes, and the frames near them from these
-    #[arg(long, conflicts_with_all = ["landmarks", "models"])]
-    geometry_only: bool,
-    /// The subject's shape, ten coefficients as .npy, to be held fixed
-    #[arg(long, value_name = "FILE")]
-    shape: Option<PathBuf>,
-    /// A sequence in tight or no clothes, which the shape is taken from
-    #[arg(long, value_name = "SEQUENCE", conflicts_with = "shape")]
-    minimal: Option<String>,
     /// A sequence that is for tests, as NAME=test; may be given again [default: folders train and test; else the last of several]
     #[arg(long = "take", value_name = "NAME=test", value_parser = test_sequence)]
     test: Vec<String>,
-    /// The axis of the scans' files that points up
-    #[arg(long, value_enum, default_value_t = UpAxis::Y, allow_hyphen_values = true)]
-    up: UpAxis,
-    /// Which body model [default: what gender.txt in SCANS says, else neutral]
-    #[arg(long, value_name = "GENDER", value_parser = |text: &str| text.parse::<Gender>().map_err(|_| "expected neutral, male or female"))]
-    gender: Option<Gender>,
     /// Go on with the registration in DATA
     #[arg(long)]
     resume: bool,
@@ -70,69 +41,17 @@ pub struct Register {
     json: JsonArgument,
 }
 
-/// An axis that points up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum UpAxis {
-    #[value(name = "y")]
-    Y,
-    #[value(name = "-y")]
-    MinusY,
-    #[value(name = "z")]
-    Z,
-}
-
-impl From<UpAxis> for Up {
-    fn from(axis: UpAxis) -> Self {
-        match axis {
-            UpAxis::Y => Self::Y,
-            UpAxis::MinusY => Self::MinusY,
-            UpAxis::Z => Self::Z,
-        }
-    }
-}
-
 impl Register {
     pub fn run(self) -> anyhow::Result<Outcome> {
         self.json.check()?;
-        if !self.resume && !files::is_new_or_empty(&self.out)? {
-            anyhow::bail!("{}: the folder is not empty; give a new --out, or --resume to go on", self.out.display());
-        }
-        let mut scans = Scans::open(&self.scans, &self.test)?;
-        let gender = self.gender.or(scans.gender).unwrap_or(Gender::Neutral);
-        scans.gender = Some(gender);
-        let (body_model, labels) = load_body(&self.body, gender)?;
-        let up = self.up.into();
-        let stop = stop::on_interrupt()?;
+        files::new_or_resumed(&self.out, self.resume)?;
+        let scans = self.scans.open(&self.test)?;
         let mut progress = Progress::new();
-        let mut show = |phase: &'static str, share: f64, message: &str| progress.show(phase, share, message);
-        let landmarks = match (&self.landmarks, &self.models) {
-            (Some(path), _) => Some(LandmarkFiles::read(path)?),
-            (None, None) => None,
-            (None, Some(package)) => {
-                match find_landmarks(&scans, &Models::open(package)?, up, &self.out, &mut show, stop)? {
-                    Some(found) => Some(found),
-                    None => return Ok(stopped()),
-                }
-            }
-        };
-        let job = Job {
-            scans: &scans,
-            body: &body_model,
-            labels: &labels,
-            landmarks: landmarks.as_ref(),
-            up,
-            known: Known {
-                shape: self.shape.as_deref().map(|path| shape_in(path, body_model.shape_coefficients())).transpose()?,
-                bare: false,
-            },
-            shape_from: self.minimal.clone(),
-            out: self.out.clone(),
-        };
-        let report = job.run(&mut show, stop)?;
+        let registered = scans.registered(&self.out, &mut progress, |job, observe, stop| job.run(observe, stop))?;
         progress.finish();
-        let (data, body) = (self.out.display(), self.body.display());
-        let Some(report) = report else { return Ok(stopped()) };
-        write_registration_page(&self.out, &report, &body_model, command_line())?;
+        let (data, body) = (self.out.display(), self.scans.body.display());
+        let Some(report) = registered else { return Ok(stopped()) };
+        write_registration_page(&self.out, &report, &scans.body, command_line())?;
         let files = [REPORT_FILE, REGISTRATION_PAGE].map(|file| self.out.join(file).display().to_string());
         self.json.print(&report, &format!("{report}{}\n", files.join("\n")))?;
         log::info!(
@@ -142,7 +61,7 @@ impl Register {
     }
 }
 
-fn stopped() -> Outcome {
+pub fn stopped() -> Outcome {
     log::info!("stopped; the same command with --resume goes on");
     Outcome::Stopped
 }
@@ -176,17 +95,9 @@ pub fn registered_first(
     };
     log::info!("no body is registered to these scans: registering them {how}, into {}", out.display());
     let register = Register {
-        scans: scans.folder,
-        body: body.clone(),
+        scans: ScanArguments::new(scans.folder, body.clone(), landmarks, models),
         out: out.clone(),
-        geometry_only: landmarks.is_none() && models.is_none(),
-        landmarks,
-        models,
-        shape: None,
-        minimal: None,
         test: Vec::new(),
-        up: UpAxis::Y,
-        gender: None,
         resume: true,
         json: JsonArgument::default(),
     };
@@ -199,14 +110,6 @@ pub fn registered_first(
                 out.display()
             )
         }
-    }
-}
-
-fn shape_in(path: &Path, count: usize) -> anyhow::Result<Vec<f64>> {
-    let array = read_npy(path)?;
-    match array.to_f64().filter(|values| values.len() == count && values.iter().all(|value| value.is_finite())) {
-        Some(shape) => Ok(shape),
-        None => wrong_usage!("{}: {} as a shape, expected {count} finite numbers", path.display(), array.description()),
     }
 }
 

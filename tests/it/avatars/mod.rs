@@ -8,6 +8,7 @@ mod export;
 mod mannequin;
 mod old_files;
 mod other_skeleton;
+mod registration;
 mod render;
 mod rgbd_training;
 mod runs;

@@ -4,7 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
-use xavatar::data::{FrameId, Split, Subject, read_frame};
+use xavatar::body::Pose;
+use xavatar::body::smplx::Parameters;
+use xavatar::data::{FrameId, Split, Subject, read_frame, read_motion};
 use xavatar::mesh::write_obj;
 use xavatar::register::landmarks::{LANDMARKS_FILE, LandmarkFiles};
 use xavatar::synthetic::BuiltInSubject;
@@ -186,4 +188,73 @@ fn scans_with_registrations_are_not_registered_again_for_want_of_something_else(
     let arguments = ["train", text(&data), "--body", text(&body), "--out", text(&out)];
     assert_outcome(&arguments, 1, &["the subject's mean shape not found"]);
     assert!(!folder.path().join("run-registered").exists());
+}
+
+/// Mean distance of the joints of some poses from the true ones, millimetres.
+fn joint_errors(poses: &[Pose]) -> Vec<f32> {
+    let truth = BuiltInSubject::new().unwrap();
+    let error = |(index, pose): (usize, &Pose)| {
+        let parameters = truth.parameters(Split::Train, index, FRAMES).unwrap().into();
+        let expected = truth.model().resolve(&parameters).unwrap();
+        let [found, expected] = [pose, &expected].map(|pose| truth.model().pose(pose).unwrap().joints);
+        1e3 * found.iter().zip(&expected).map(|(found, expected)| found.distance(*expected)).sum::<f32>()
+            / found.len() as f32
+    };
+    poses.iter().enumerate().map(error).collect()
+}
+
+#[test]
+fn the_motion_of_bare_scans_is_captured_as_a_file_that_other_verbs_read() {
+    let (folder, scans, landmarks) = scans();
+    let (_, body) = data();
+    let out = folder.path().join("motions");
+    let capture = ["mocap", text(&scans), "--body", body, "--landmarks", text(&landmarks), "--out", text(&out)];
+    assert_outcome(&[&capture[..], &["--fps", "25"]].concat(), 0, &["registered         4 of 4 frames", "Take1.npz"]);
+    let motion = read_motion(out.join("Take1.npz")).unwrap();
+    assert_eq!((motion.frames.len(), motion.frames_per_second), (FRAMES, Some(25.0)));
+    let truth = BuiltInSubject::new().unwrap();
+    let pose = |frame: &Parameters| truth.model().resolve(&frame.clone().into()).unwrap();
+    let errors = joint_errors(&motion.frames.iter().map(pose).collect::<Vec<_>>());
+    assert!(errors.iter().all(|error| *error < 10.0), "{errors:?}");
+    assert!(!out.join("train").exists(), "poses alone, no data");
+    assert_outcome(&capture, 1, &["not empty", "--resume"]);
+}
+
+/// A .npy file of numbers.
+fn npy(numbers: &[f32]) -> Vec<u8> {
+    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({},), }}", numbers.len());
+    let header = format!("{header:<117}\n");
+    let start = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
+    start.into_iter().chain(numbers.iter().flat_map(|number| number.to_le_bytes())).collect()
+}
+
+#[test]
+fn a_shape_that_is_given_is_held_and_a_sequence_in_tight_clothes_gives_the_shape_of_all() {
+    let (folder, scans, landmarks) = scans();
+    let (_, body) = data();
+    let register = ["register", text(&scans), "--body", body, "--landmarks", text(&landmarks), "--out"];
+    let shape: Vec<f32> = (0..10).map(|index| 0.1 * index as f32).collect();
+    let file = folder.path().join("betas.npy");
+    fs::write(&file, npy(&shape)).unwrap();
+    let held = folder.path().join("held");
+    assert_outcome(&[&register[..], &[text(&held), "--shape", text(&file)]].concat(), 0, &["4 of 4 frames"]);
+    assert_eq!(Subject::open(&held).unwrap().betas, shape);
+    let short = folder.path().join("short.npy");
+    fs::write(&short, npy(&[0.0; 3])).unwrap();
+    let none = folder.path().join("none");
+    let refused = [&register[..], &[text(&none), "--shape", text(&short)]].concat();
+    assert_outcome(&refused, 2, &["short.npy", "expected 10 finite numbers"]);
+
+    // The mannequin wears nothing: a fit that may not put it into clothes finds its size.
+    let tight = folder.path().join("tight");
+    assert_outcome(&[&register[..], &[text(&tight), "--minimal", "Take1"]].concat(), 0, &["4 of 4 frames"]);
+    let plain = folder.path().join("plain");
+    assert_outcome(&[&register[..], &[text(&plain)]].concat(), 0, &["4 of 4 frames"]);
+    let [tight, plain] = [tight, plain].map(|data| errors(&data).into_iter().sum::<f32>());
+    assert!(tight < plain, "{tight} {plain}");
+    assert_outcome(
+        &[&register[..], &[text(&folder.path().join("none")), "--minimal", "Take7"]].concat(),
+        1,
+        &["Take7", "Take1"],
+    );
 }

@@ -1,0 +1,158 @@
+//! What verbs that register bodies to scans have in common: which scans and body, and by which landmarks.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use clap::ValueEnum;
+use xavatar::InputError;
+use xavatar::body::{BodyModel, Gender, PartLabels};
+use xavatar::data::Scans;
+use xavatar::formats::read_npy;
+use xavatar::landmarks::Models;
+use xavatar::register::fit::Known;
+use xavatar::register::job::{Job, Observer, Up, find_landmarks};
+use xavatar::register::landmarks::LandmarkFiles;
+
+use super::inputs::load_body;
+use super::motion::positive;
+use crate::cli::output::progress::Progress;
+use crate::cli::{stop, wrong_usage};
+
+/// Scans, the body to register to them, and landmarks.
+#[derive(clap::Args)]
+pub struct ScanArguments {
+    /// The folder of one person's scans
+    #[arg(value_name = "SCANS")]
+    scans: PathBuf,
+    /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl
+    #[arg(long, value_name = "BODY")]
+    pub body: PathBuf,
+    /// Landmarks in the scans' coordinates: a file, or a folder with a file a frame
+    #[arg(long, value_name = "PATH", required_unless_present_any = ["geometry_only", "models"])]
+    landmarks: Option<PathBuf>,
+    /// MediaPipe's package, whose networks find the landmarks: its wheel of version 0.10.14, or a folder with it
+    #[arg(long, value_name = "PACKAGE", conflicts_with = "landmarks")]
+    models: Option<PathBuf>,
+    /// Without landmarks: people who stand are found by the scans' shapes, and the frames near them from these
+    #[arg(long, conflicts_with_all = ["landmarks", "models"])]
+    geometry_only: bool,
+    /// The subject's shape, ten coefficients as .npy, to be held fixed
+    #[arg(long, value_name = "FILE")]
+    shape: Option<PathBuf>,
+    /// A sequence in tight or no clothes, which the shape is taken from
+    #[arg(long, value_name = "SEQUENCE", conflicts_with = "shape")]
+    minimal: Option<String>,
+    /// Frames a second of the sequences, if frames follow each other: bodies then move as smoothly as people do
+    #[arg(long, value_name = "F", value_parser = positive)]
+    fps: Option<f32>,
+    /// The axis of the scans' files that points up
+    #[arg(long, value_enum, default_value_t = UpAxis::Y, allow_hyphen_values = true)]
+    up: UpAxis,
+    /// Which body model [default: what gender.txt in SCANS says, else neutral]
+    #[arg(long, value_name = "GENDER", value_parser = |text: &str| text.parse::<Gender>().map_err(|_| "expected neutral, male or female"))]
+    gender: Option<Gender>,
+}
+
+/// An axis that points up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum UpAxis {
+    #[value(name = "y")]
+    Y,
+    #[value(name = "-y")]
+    MinusY,
+    #[value(name = "z")]
+    Z,
+}
+
+impl From<UpAxis> for Up {
+    fn from(axis: UpAxis) -> Self {
+        match axis {
+            UpAxis::Y => Self::Y,
+            UpAxis::MinusY => Self::MinusY,
+            UpAxis::Z => Self::Z,
+        }
+    }
+}
+
+/// Scans that were found, with the body for them.
+pub struct OpenScans<'a> {
+    arguments: &'a ScanArguments,
+    scans: Scans,
+    labels: PartLabels,
+    known: Known,
+    /// The body.
+    pub body: BodyModel,
+}
+
+impl ScanArguments {
+    /// Scans and body alone; without landmarks, by the scans' shapes.
+    pub fn new(scans: PathBuf, body: PathBuf, landmarks: Option<PathBuf>, models: Option<PathBuf>) -> Self {
+        Self {
+            scans,
+            body,
+            geometry_only: landmarks.is_none() && models.is_none(),
+            landmarks,
+            models,
+            shape: None,
+            minimal: None,
+            fps: None,
+            up: UpAxis::Y,
+            gender: None,
+        }
+    }
+
+    /// Finds the scans, of which the sequences of these names are for tests, and loads the body.
+    pub fn open(&self, test: &[String]) -> anyhow::Result<OpenScans<'_>> {
+        let mut scans = Scans::open(&self.scans, test)?;
+        let gender = self.gender.or(scans.gender).unwrap_or(Gender::Neutral);
+        scans.gender = Some(gender);
+        let (body, labels) = load_body(&self.body, gender)?;
+        let shape = self.shape.as_deref().map(|path| shape_in(path, body.shape_coefficients())).transpose()?;
+        Ok(OpenScans { arguments: self, scans, labels, known: Known { shape, bare: false }, body })
+    }
+}
+
+impl OpenScans<'_> {
+    /// Finds landmarks and has `work` done with the job; none if it was stopped, and what it keeps in `out` is gone on with.
+    pub fn registered<T>(
+        &self,
+        out: &Path,
+        progress: &mut Progress,
+        work: impl FnOnce(&Job<'_>, &mut Observer<'_>, &AtomicBool) -> Result<Option<T>, InputError>,
+    ) -> anyhow::Result<Option<T>> {
+        let ScanArguments { landmarks, models, minimal, up, fps, .. } = self.arguments;
+        let up = (*up).into();
+        let stop = stop::on_interrupt()?;
+        let mut show = |phase: &'static str, share: f64, message: &str| progress.show(phase, share, message);
+        let landmarks = match (landmarks, models) {
+            (Some(path), _) => Some(LandmarkFiles::read(path)?),
+            (None, None) => None,
+            (None, Some(package)) => {
+                match find_landmarks(&self.scans, &Models::open(package)?, up, out, &mut show, stop)? {
+                    Some(found) => Some(found),
+                    None => return Ok(None),
+                }
+            }
+        };
+        let job = Job {
+            scans: &self.scans,
+            body: &self.body,
+            labels: &self.labels,
+            landmarks: landmarks.as_ref(),
+            up,
+            known: self.known.clone(),
+            shape_from: minimal.clone(),
+            frames_per_second: fps.map(f64::from),
+            out: out.into(),
+        };
+        Ok(work(&job, &mut show, stop)?)
+    }
+}
+
+fn shape_in(path: &Path, count: usize) -> anyhow::Result<Vec<f64>> {
+    let array = read_npy(path)?;
+    match array.to_f64().filter(|values| values.len() == count && values.iter().all(|value| value.is_finite())) {
+        Some(shape) => Ok(shape),
+        None => wrong_usage!("{}: {} as a shape, expected {count} finite numbers", path.display(), array.description()),
+    }
+}
