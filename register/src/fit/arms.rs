@@ -145,7 +145,8 @@ impl Arm<'_> {
             let outside = posed.points.positions[vertex] + *normal * self.clothing[vertex];
             scan.index.nearest(outside, *normal).1.min(FARTHEST[0])
         };
-        let to_scan = mean(posed.normals.iter().enumerate().map(to_scan).collect());
+        let is_seen = |(vertex, _): &(usize, &DVec3)| !frame.unseen.contains(&surface.parts[*vertex]);
+        let to_scan = mean(posed.normals.iter().enumerate().filter(is_seen).map(to_scan).collect());
         let to_landmark = |seen: &crate::landmarks::Seen| match sites.site(seen.site).at {
             Site::Joint(joint) if self.below.contains(&joint) => {
                 Some(posed.chain.joint(joint).distance(seen.place).min(FARTHEST[1]))

@@ -57,6 +57,7 @@ pub fn fingers<'a>(skeleton: &'a Skeleton, hand: &'a PartGroup) -> impl Iterator
 /// One hand of a body, to be fitted alone.
 pub(super) struct Hand<'a> {
     fitter: Fitter<'a>,
+    part: Part,
     wrist: usize,
     /// The joints of each finger but the thumb, from the palm on.
     fingers: Vec<Vec<usize>>,
@@ -87,7 +88,7 @@ impl<'a> Fitter<'a> {
             let vertices: Vec<usize> =
                 (0..self.surface.len()).filter(|vertex| self.surface.parts[*vertex] == part).collect();
             let fitter = self.limb(&vertices, group.joints.clone());
-            Some(Hand { fitter, wrist, thumb: named("thumb").first().copied(), fingers, sign })
+            Some(Hand { fitter, part, wrist, thumb: named("thumb").first().copied(), fingers, sign })
         };
         let hands = skeleton.parts_of(Role::Hands).filter_map(hand);
         hands.filter(|hand| !hand.fitter.surface.is_empty()).collect()
@@ -97,7 +98,8 @@ impl<'a> Fitter<'a> {
 impl Hand<'_> {
     /// The pose with this hand and its fingers as they lie best on the scan.
     pub(super) fn settled(&self, pose: FramePose, shape: &[f64], frame: &Frame) -> Result<FramePose> {
-        let Some(around) = frame.scan.around(self.middle(&pose, shape), AROUND) else { return Ok(pose) };
+        let around = frame.scan.around(self.middle(&pose, shape), AROUND);
+        let Some(around) = around.filter(|_| !frame.unseen.contains(&self.part)) else { return Ok(pose) };
         let frame = Frame { scan: Arc::new(around), ..frame.clone() };
         let index = IndexedTarget::new(&frame.scan, 0.02)?;
         let mut best = (self.misfit(&pose, shape, &frame, &index)?, pose);

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use xavatar_body::Part;
 use xavatar_formats::Result;
 
 use super::schedule::Stage;
@@ -35,6 +36,8 @@ pub struct Frame {
     pub landmarks: Vec<Seen>,
     /// What the frames before and after it say, if they are known and near in time.
     pub motion: Option<MotionTerm>,
+    /// Parts of the body that the scan does not show: they are not compared with it.
+    pub unseen: Vec<Part>,
 }
 
 /// Frames while they are fitted.
@@ -51,12 +54,13 @@ struct IndexedFrame<'a> {
     scan: Option<IndexedTarget>,
     landmarks: &'a [Seen],
     motion: Option<&'a MotionTerm>,
+    unseen: &'a [Part],
 }
 
 impl<'a> IndexedFrame<'a> {
     fn new(frame: &'a Frame, stage: &Stage) -> Result<Self> {
         let scan = stage.surface.map(|term| IndexedTarget::new(&frame.scan, term.normal_weight)).transpose()?;
-        Ok(Self { scan, landmarks: &frame.landmarks, motion: frame.motion.as_ref() })
+        Ok(Self { scan, landmarks: &frame.landmarks, motion: frame.motion.as_ref(), unseen: &frame.unseen })
     }
 }
 
@@ -167,7 +171,7 @@ impl Fitter<'_> {
         let mut equations = NormalEquations::new(unknowns.count());
         let posed = self.surface.posed(&self.linkage, pose, shape);
         if let (Some(term), Some(scan)) = (&stage.surface, &frame.scan) {
-            let body = Dressed { linkage: &self.linkage, model: &self.surface, clothing };
+            let body = Dressed { linkage: &self.linkage, model: &self.surface, clothing, unseen: frame.unseen };
             term.add(body, &posed, scan, unknowns, &mut equations)?;
         }
         if let Some(term) = &stage.landmarks {

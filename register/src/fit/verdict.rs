@@ -8,6 +8,8 @@ use super::quality::FrameQuality;
 const BODY_FAR: f64 = 0.06;
 /// A frame is odd if more of its scan is uncovered than of the median frame, by this and by three deviations.
 const MORE_UNCOVERED: f64 = 0.03;
+/// What a limb that has slipped counts, of the whole body far from the scan.
+const SLIPPED: f64 = 0.05;
 /// Share of a hand that is far from the scan where the scan has no hand.
 const HAND_FAR: f64 = 0.22;
 
@@ -25,7 +27,7 @@ impl FrameQuality {
 
     /// One number to choose between fits of the same frame by; less is better.
     pub fn misfit(&self) -> f64 {
-        self.uncovered + self.body_far() + self.slipped.len() as f64
+        self.uncovered + self.body_far() + SLIPPED * self.slipped.len() as f64
     }
 
     /// The largest share of a part of the body that is far from the scan.

@@ -100,7 +100,7 @@ impl Job<'_> {
         let _lock = FolderLock::take(&self.out)?;
         let working = Working::new(self)?;
         let Some((records, shaped)) = working.fitted_frames(observe, stop)? else { return Ok(None) };
-        let reports = working.reports(&records)?;
+        let reports = working.reports(&records);
         let motions = working.write_motions(&records, &reports, &shaped)?;
         Ok(Some((working.write_report(reports, &shaped)?, motions)))
     }
@@ -116,6 +116,8 @@ struct Working<'a> {
     files: Vec<&'a FrameFiles>,
     /// Of each frame: its place in its sequence, and how many that has.
     places: Vec<(usize, usize)>,
+    /// Of each frame: the hands that no landmark is of, if landmarks are of hands.
+    unseen: Vec<Vec<String>>,
     kept: PathBuf,
 }
 
@@ -141,16 +143,19 @@ impl<'a> Working<'a> {
             let all: Vec<usize> = others.map(|(other, _)| other).collect();
             (all.iter().filter(|other| **other < index).count(), all.len())
         };
-        Ok(Self {
+        let mut working = Self {
             fitter: Fitter::new(job.body, job.labels, Density::FINE),
             coarse: Fitter::new(job.body, job.labels, Density::COARSE),
             limbs: LimbCheck::new(job.body),
             coordinates: FileCoordinates::of_scans(&files, job.up)?,
             places: (0..files.len()).map(place).collect(),
+            unseen: Vec::new(),
             kept: job.out.join(RECORDS),
             files,
             job,
-        })
+        };
+        working.unseen = working.hands_without_landmarks()?;
+        Ok(working)
     }
 
     /// The records of all frames, and what they share; none if the job was stopped.
@@ -185,7 +190,9 @@ impl<'a> Working<'a> {
         let target =
             ScanTarget::of(&self.scan(index)?).map_err(|error| error.in_frame(self.files[index].id.to_string()))?;
         let (landmarks, dropped) = self.landmarks(index)?;
-        Ok((Frame { scan: Arc::new(target), landmarks, motion: None }, dropped))
+        let skeleton = self.job.body.skeleton();
+        let unseen = self.unseen[index].iter().filter_map(|hand| skeleton.part_named(hand)).collect();
+        Ok((Frame { scan: Arc::new(target), landmarks, motion: None, unseen }, dropped))
     }
 
     /// A frame's scan, metres, Y up.

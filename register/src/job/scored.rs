@@ -37,7 +37,15 @@ pub fn score_registration(
     let read = |files: &FrameFiles| -> Result<(FramePose, Frame)> {
         let frame = read_frame(files, &subject.betas)?;
         let pose = FramePose::of(&body.resolve(&frame.parameters)?, extents);
-        Ok((pose, Frame { scan: Arc::new(ScanTarget::of(&frame.scan)?), landmarks: Vec::new(), motion: None }))
+        Ok((
+            pose,
+            Frame {
+                scan: Arc::new(ScanTarget::of(&frame.scan)?),
+                landmarks: Vec::new(),
+                motion: None,
+                unseen: Vec::new(),
+            },
+        ))
     };
     let count = files.len().min(KEY_FRAMES);
     let keys = (0..count).into_par_iter().filter_map(|place| read(files[place * files.len() / count]).ok());

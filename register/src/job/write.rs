@@ -21,7 +21,7 @@ impl Working<'_> {
         shaped: &Shaped,
         observe: &mut Observer<'_>,
     ) -> Result<RegistrationReport> {
-        let reports = self.reports(records)?;
+        let reports = self.reports(records);
         let betas: Vec<f32> = shaped.shape.iter().map(|value| *value as f32).collect();
         write_common(&self.job.out, self.job.scans.gender.unwrap_or(Gender::Neutral), &betas)?;
         for (index, (record, report)) in records.iter().zip(&reports).enumerate() {
@@ -37,16 +37,15 @@ impl Working<'_> {
     }
 
     /// What became of every frame, in order.
-    pub(super) fn reports(&self, records: &[Option<Record>]) -> Result<Vec<FrameReport>> {
+    pub(super) fn reports(&self, records: &[Option<Record>]) -> Vec<FrameReport> {
         let bad = self.are_bad(records);
-        let unseen = self.hands_without_landmarks()?;
         let known: Vec<&FrameQuality> = records.iter().flatten().map(|record| &record.quality).collect();
         let mut turned = turned_hands(&known).into_iter();
         let report = |(index, record): (usize, &Option<Record>)| {
             let turned = record.as_ref().and_then(|_| turned.next()).unwrap_or_default();
-            self.report_of(index, record.as_ref(), bad[index], &unseen[index], turned)
+            self.report_of(index, record.as_ref(), bad[index], &self.unseen[index], turned)
         };
-        Ok(records.iter().enumerate().map(report).collect())
+        records.iter().enumerate().map(report).collect()
     }
 
     /// Writes the report of all frames.
@@ -84,7 +83,7 @@ impl Working<'_> {
 
     /// Of each frame, the hands none of whose fingers has a landmark, if in another frame one has: programs that find fingers miss no whole
     /// hand that a scan shows.
-    fn hands_without_landmarks(&self) -> Result<Vec<Vec<String>>> {
+    pub(super) fn hands_without_landmarks(&self) -> Result<Vec<Vec<String>>> {
         let skeleton = self.job.body.skeleton();
         let hands: Vec<(&String, Vec<&String>)> = (skeleton.parts_of(Role::Hands))
             .map(|part| &skeleton.parts[part.index()])

@@ -4,6 +4,7 @@
 //! rows are built. Weights: Geman-McClure of the distance, times the cosine between the normals, over the deviation squared. Metres.
 
 use glam::DVec3;
+use xavatar_body::Part;
 use xavatar_formats::Result;
 
 use super::robust;
@@ -35,6 +36,8 @@ pub struct Dressed<'a> {
     pub model: &'a SurfaceModel,
     /// How far its clothing stands off each, metres (N).
     pub clothing: &'a [f64],
+    /// Parts whose vertices are left out.
+    pub unseen: &'a [Part],
 }
 
 impl SurfaceTerm {
@@ -107,9 +110,10 @@ impl Adder<'_> {
 
     /// Rows of a vertex that should move by `way`: along n, and a little along the axes.
     fn add_rows(&mut self, vertex: usize, n: DVec3, way: DVec3, weight: f64) {
+        let weight = weight * self.body.model.trust[vertex];
         // Nothing of a match that far away is left in the sums.
         const NOTHING: f64 = 1e-9;
-        if weight < NOTHING {
+        if weight < NOTHING || self.body.unseen.contains(&self.body.model.parts[vertex]) {
             return;
         }
         let basis = Basis { linkage: self.body.linkage, chain: &self.posed.chain, unknowns: self.unknowns };

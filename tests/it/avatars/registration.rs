@@ -30,7 +30,7 @@ fn frame(subject: &BuiltInSubject, index: usize) -> (Frame, Pose) {
     let frame = subject.frame(Split::Train, index, FRAMES).unwrap();
     let scan = Arc::new(ScanTarget::of(&frame.scan).unwrap());
     let pose = subject.model().resolve(&frame.parameters).unwrap();
-    (Frame { scan, landmarks: Vec::new(), motion: None }, pose)
+    (Frame { scan, landmarks: Vec::new(), motion: None, unseen: Vec::new() }, pose)
 }
 
 // Half a turn about its own axis: the forearm's surface is where it was, the hand's is upside down.
