@@ -47,20 +47,8 @@ fn share(role: Role) -> f64 {
     }
 }
 
-/// What a vertex under hair counts, of others: hair stands off the head by any amount, and would turn it; the face says where it is.
-const UNDER_HAIR: f64 = 0.1;
-
 /// The sum of all vertices' weights.
 pub const TOTAL_WEIGHT: f64 = 600.0;
-
-/// How much the scan is believed at a vertex: little where hair grows, on the head but not in the face.
-fn trust(model: &BodyModel, vertex: usize, part: Part) -> f64 {
-    let joints = &model.skeleton().joints;
-    let weights = &model.skinning_weights()[vertex * joints.len()..(vertex + 1) * joints.len()];
-    let leading = (0..joints.len()).max_by(|one, other| weights[*one].total_cmp(&weights[*other]));
-    let is_of_head = leading.is_some_and(|joint| joints[joint] == "head");
-    if is_of_head && model.skeleton().role(part) == Role::Body { UNDER_HAIR } else { 1.0 }
-}
 
 /// N vertices of a body, as a surface.
 #[derive(Clone, Debug)]
@@ -73,8 +61,6 @@ pub struct SurfaceModel {
     pub roles: Vec<Role>,
     /// How much each counts, of [`TOTAL_WEIGHT`] in all (N).
     pub weights: Vec<f64>,
-    /// How much what is found there is believed, 0 to 1 (N).
-    pub trust: Vec<f64>,
     /// At rest, metres (N).
     pub rest: Vec<DVec3>,
     normals: Vec<DVec3>,
@@ -110,7 +96,6 @@ impl SurfaceModel {
         let normals = model.mesh(model.template().to_vec()).vertex_normals();
         Self {
             weights: parts.iter().map(weight).collect(),
-            trust: vertices.iter().zip(&parts).map(|(vertex, part)| trust(model, *vertex, *part)).collect(),
             roles: parts.iter().map(|part| skeleton.role(*part)).collect(),
             rest: vertices.iter().map(|vertex| model.template()[*vertex].as_dvec3()).collect(),
             normals: vertices.iter().map(|vertex| normals[*vertex].as_dvec3()).collect(),
@@ -131,7 +116,6 @@ impl SurfaceModel {
             parts: chosen(&self.parts, kept),
             roles: chosen(&self.roles, kept),
             weights: chosen(&self.weights, kept),
-            trust: chosen(&self.trust, kept),
             rest: chosen(&self.rest, kept),
             normals: chosen(&self.normals, kept),
             points: self.points.chosen(kept),

@@ -110,7 +110,6 @@ impl Adder<'_> {
 
     /// Rows of a vertex that should move by `way`: along n, and a little along the axes.
     fn add_rows(&mut self, vertex: usize, n: DVec3, way: DVec3, weight: f64) {
-        let weight = weight * self.body.model.trust[vertex];
         // Nothing of a match that far away is left in the sums.
         const NOTHING: f64 = 1e-9;
         if weight < NOTHING || self.body.unseen.contains(&self.body.model.parts[vertex]) {
