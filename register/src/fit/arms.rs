@@ -5,6 +5,8 @@
 //! and the one kept that lies best: on the scan, on its landmarks, and with joints as they usually are. Left elbows bend to negative angles
 //! about y; arms at rest lie along x.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use glam::DVec3;
 use xavatar_formats::Result;
 
@@ -17,9 +19,9 @@ use crate::target::{IndexedTarget, Seekers};
 use crate::terms::{LandmarkTerm, SurfaceTerm};
 
 /// Rolls of the forearm that are tried, besides the one it has, radians.
-const FOREARM_ROLLS: [f64; 3] = [-1.57, 1.57, 3.14];
+const FOREARM_ROLLS: [f64; 3] = [-FRAC_PI_2, FRAC_PI_2, PI];
 /// Rolls of the upper arm.
-const ROLLS: [f64; 4] = [0.0, -1.57, 1.57, 3.14];
+const ROLLS: [f64; 4] = [0.0, -FRAC_PI_2, FRAC_PI_2, PI];
 /// Bends of the elbow with each of them.
 const BENDS: [f64; 3] = [0.2, 1.0, 1.9];
 /// Distances beyond count no more: of surfaces and of landmarks, metres.

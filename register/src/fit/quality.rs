@@ -92,7 +92,7 @@ impl Fitter<'_> {
         };
         Ok(FrameQuality {
             parts: by_part.into_iter().map(part).collect(),
-            landmarks_mm: self.from_landmarks(&posed.chain, frame),
+            landmarks_mm: self.distances_to_landmarks(&posed.chain, frame),
             uncovered,
             beyond_limits: self.prior.beyond_limits(pose).len(),
             slipped: Vec::new(),
@@ -100,7 +100,7 @@ impl Fitter<'_> {
     }
 
     /// How far the fingers of each hand are from their landmarks.
-    fn from_landmarks(&self, chain: &PosedChain, frame: &Frame) -> BTreeMap<String, f64> {
+    fn distances_to_landmarks(&self, chain: &PosedChain, frame: &Frame) -> BTreeMap<String, f64> {
         let skeleton = self.model.skeleton();
         let of_hand = |part: &PartGroup| {
             let fingers: Vec<usize> = fingers(skeleton, part).collect();
