@@ -1,8 +1,8 @@
 //! STAR's and SUPR's bodies (Osman ch. 3-4): pose correctives that are sparse and local, driven by quaternions.
 //!
-//! [`training`] alternates poses, templates and joints, weights, and correctives; each vertex's correctives are a convex group lasso over the joints
-//! ([`group_lasso`]) whose price is the way along the surface ([`geodesic`]), on sums over all frames ([`moments`]); what they are worth is judged by
-//! frames that were held out ([`selection`]).
+//! `training` alternates poses, templates and joints, weights, and correctives; each vertex's correctives are a convex group lasso over the joints
+//! (`group_lasso`) whose price is the way along the surface (`geodesic`), on sums over all frames (`moments`); what they are worth is judged by
+//! frames that were held out (`selection`).
 
 mod acceleration;
 mod correctives;
