@@ -100,9 +100,12 @@ mod tests {
     fn a_rotation_is_found_from_points_that_it_turned_even_in_a_plane() {
         let turn = so3::exp(DVec3::new(0.3, 2.0, -0.8));
         let points = [DVec3::new(0.1, 0.0, 0.0), DVec3::new(-0.1, 0.5, 0.0), DVec3::new(0.2, -0.3, 0.0)];
-        let pairs = points.map(|point| (point, turn * point + DVec3::ONE));
-        let found = rotation_between(&pairs).unwrap();
-        assert!((found - turn).to_cols_array().iter().all(|entry| entry.abs() < 1e-12));
+        let mut covariance = Matrix3::zeros();
+        for point in points {
+            let turned = turn * point;
+            covariance += Matrix3::from_fn(|row, column| point[row] * turned[column]);
+        }
+        assert!((nearest_rotation(covariance).unwrap() - turn).to_cols_array().iter().all(|entry| entry.abs() < 1e-12));
         assert!(nearest_rotation(Matrix3::from_fn(|row, column| points[0][row] * points[0][column])).is_none());
     }
 }
