@@ -4,8 +4,7 @@
 //! too few vertices follow turns with its parent. Metres.
 
 use glam::{DMat3, DVec3};
-use nalgebra::Matrix3;
-use xavatar_register::linear::FramePose;
+use xavatar_register::linear::{FramePose, rotation_between};
 
 use super::FittedBody;
 
@@ -26,7 +25,8 @@ pub fn first_pose(body: &FittedBody, template: &[DVec3], registration: &[DVec3])
         if parent.is_none() && vertices.len() < FEWEST {
             vertices = (0..template.len()).collect();
         }
-        let own = (vertices.len() >= FEWEST).then(|| turn(&vertices, template, registration));
+        let moved = vertices.iter().map(|vertex| (template[*vertex], registration[*vertex], 1.0));
+        let own = if vertices.len() < FEWEST { None } else { rotation_between(&moved.collect::<Vec<_>>()) };
         let turned = own.unwrap_or(above);
         if parent.is_none() {
             let mean = |of: &[DVec3]| vertices.iter().map(|vertex| of[*vertex]).sum::<DVec3>() / vertices.len() as f64;
@@ -37,21 +37,4 @@ pub fn first_pose(body: &FittedBody, template: &[DVec3], registration: &[DVec3])
         turns.push(turned);
     }
     pose
-}
-
-/// The rotation that takes these vertices of one mesh nearest to those of the other, both about their means.
-fn turn(vertices: &[usize], from: &[DVec3], to: &[DVec3]) -> DMat3 {
-    let mean = |of: &[DVec3]| vertices.iter().map(|vertex| of[*vertex]).sum::<DVec3>() / vertices.len() as f64;
-    let (centre, moved) = (mean(from), mean(to));
-    let mut covariance = Matrix3::zeros();
-    for vertex in vertices {
-        let (a, b) = (to[*vertex] - moved, from[*vertex] - centre);
-        covariance += nalgebra::Vector3::from(a.to_array()) * nalgebra::Vector3::from(b.to_array()).transpose();
-    }
-    let svd = covariance.svd(true, true);
-    let (Some(u), Some(v)) = (svd.u, svd.v_t) else { return DMat3::IDENTITY };
-    let handed = Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 1.0, (u * v).determinant().signum()));
-    // Singular values come in descending order: the last axis is the one that may flip.
-    let rotation = u * handed * v;
-    DMat3::from_cols_slice(rotation.as_slice())
 }

@@ -12,10 +12,9 @@ use xavatar_formats::Result;
 
 use super::schedule::{Freed, Stage};
 use super::sequence::{Frame, Sequence};
-use super::start::rotation_between;
 use super::subject::Fitter;
 use crate::landmarks::Site;
-use crate::linear::{Besides, FramePose, so3};
+use crate::linear::{Besides, FramePose, rotation_between, so3};
 use crate::target::{IndexedTarget, OrientedIndex, Seekers};
 use crate::terms::{LandmarkTerm, SurfaceTerm};
 
@@ -138,10 +137,10 @@ impl Hand<'_> {
             [self.wrist].into_iter().chain(self.thumb).chain(self.fingers.iter().map(|joints| joints[0])).collect();
         let chain = linkage.posed(pose, shape);
         let pairs = frame.landmarks.iter().filter_map(|seen| match sites.site(seen.site).at {
-            Site::Joint(joint) if palm.contains(&joint) => Some((chain.joint(joint), seen.place)),
+            Site::Joint(joint) if palm.contains(&joint) => Some((chain.joint(joint), seen.place, 1.0)),
             _ => None,
         });
-        let turn = rotation_between(&pairs.collect::<Vec<_>>()).filter(|turn| turn.is_finite())?;
+        let turn = rotation_between(&pairs.collect::<Vec<_>>())?;
         let parent = linkage.parents()[self.wrist]?;
         let mut turned = pose.clone();
         turned.rotations[self.wrist] = chain.turns[parent].transpose() * turn * chain.turns[self.wrist];

@@ -8,6 +8,7 @@ mod chain;
 mod columns;
 mod frame_pose;
 mod normal_equations;
+mod rotation;
 pub mod so3;
 #[cfg(test)]
 mod tests;
@@ -17,3 +18,4 @@ pub use chain::{Basis, Linkage, PosedChain};
 pub use columns::{Besides, Extents, Unknowns};
 pub use frame_pose::FramePose;
 pub use normal_equations::{NormalEquations, Row};
+pub use rotation::rotation_between;

@@ -125,3 +125,55 @@ fn mean<'a>(rows: impl Iterator<Item = &'a Row>) -> Row {
     sum.iter_mut().for_each(|(_, weight)| *weight /= total);
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::super::volume::cuboid;
+    use super::super::worn::views;
+    use super::*;
+    use crate::mesh::SolidIndex;
+
+    /// The rows of places that began with the first of two bones, the second of which carries a block far from the body; `distances` (R)
+    /// are those to the body, which is registered as a box this many times its size.
+    fn settled(at: &[Vec3], distances: &[f32], size: f32) -> Vec<Row> {
+        let mut mesh = cuboid();
+        mesh.vertices.iter_mut().for_each(|vertex| *vertex *= size);
+        let body = SolidIndex::new(&mesh).unwrap();
+        let alone = (0..at.len() as u32).map(|place| [place; 6]).collect();
+        let places = Places { may_move: vec![true; at.len()], bones: vec![0, 1], neighbours: alone };
+        let mut rows = vec![vec![(0, 1.0)]; at.len()];
+        settle(&mut rows, &views(at, &body), &places, distances);
+        rows
+    }
+
+    fn in_block(count: usize) -> Vec<Vec3> {
+        (0..count).map(|place| Vec3::new(0.01 * place as f32, 0.0, 1.0)).collect()
+    }
+
+    #[test]
+    fn what_a_bone_carries_goes_with_it() {
+        let mut at = in_block(FEWEST_PLACES + 1);
+        at.push(Vec3::new(1.5, 0.0, 1.0));
+        let mut distances = vec![0.5; at.len()];
+        distances[0] = NEAR_BODY / 2.0;
+        let rows = settled(&at, &distances, 1.0);
+        assert!(rows[1..=FEWEST_PLACES].iter().all(|row| *row == [(1, 1.0)]), "{rows:?}");
+        assert_eq!(rows[0], [(0, 1.0)], "near the body its own weights are kept");
+        assert_eq!(rows[FEWEST_PLACES + 1], [(0, 1.0)], "where nothing is, nothing is carried");
+    }
+
+    #[test]
+    fn a_few_places_are_chance() {
+        let at = in_block(FEWEST_PLACES - 1);
+        assert!(settled(&at, &vec![0.5; at.len()], 1.0).iter().all(|row| *row == [(0, 1.0)]));
+    }
+
+    // A bone under which a place lies in the body says nothing of what is worn there.
+    #[test]
+    fn what_is_in_the_body_is_not_worn() {
+        let at = in_block(FEWEST_PLACES);
+        assert!(settled(&at, &vec![0.5; at.len()], 20.0).iter().all(|row| *row == [(0, 1.0)]));
+    }
+}

@@ -12,8 +12,8 @@ use crate::fields::CanonicalGrid;
 
 /// The subject is at a place if its surface is no farther than this, metres.
 pub(super) const THERE: f32 = 0.025;
-/// What is worn is off the body if it is farther from it than this, and so much farther than from the scan, metres.
-const OFF_BODY: f32 = 0.02;
+/// What is worn is farther from the body than this, and farther by this than from the scan, metres.
+const CLEAR: f32 = 0.02;
 /// Share of the frames in which a place has to be off the body for anything to be said of it.
 pub(super) const FEWEST_OFF_BODY: f32 = 0.4;
 
@@ -24,7 +24,7 @@ pub struct Worn {
 }
 
 impl Worn {
-    /// The distances at places that go with `rows` (R); `to_body` (R) are those to the body.
+    /// The distances at the places of a grid that go with `rows` (R).
     pub(super) fn new(grid: CanonicalGrid, rows: &[Row], views: &[View], places: &Places) -> Self {
         let to_body = grid.distances();
         let distance = |place: usize| {
@@ -71,39 +71,39 @@ fn median_distance(place: usize, row: &Row, views: &[View]) -> f32 {
 impl View<'_> {
     /// Whether something worn is at a point so far from the scan; none if the point is in the registered body or near it.
     pub(super) fn is_worn(&self, point: Vec3, distance: f32) -> Option<bool> {
-        let nearest = self.body.surface().closest_within(point, THERE + OFF_BODY);
+        let nearest = self.body.surface().closest_within(point, THERE + CLEAR);
         let from_body = nearest.map_or(f32::INFINITY, |nearest| nearest.distance);
-        let is_off_body = from_body > OFF_BODY && !self.body.is_inside(point);
-        is_off_body.then_some(distance < THERE && distance < from_body - OFF_BODY)
+        let is_off_body = from_body > CLEAR && !self.body.is_inside(point);
+        is_off_body.then_some(distance < THERE && distance < from_body - CLEAR)
     }
+}
+
+/// Frames in which a block far from the body goes with the second of two bones, and places (R) as bones find them.
+#[cfg(test)]
+pub(super) fn views<'a>(places: &[Vec3], body: &'a crate::mesh::SolidIndex) -> Vec<View<'a>> {
+    use super::volume::{DistanceVolume, cuboid};
+    let view = |number: usize| {
+        let step = Vec3::new(0.0, 0.0, 0.1 * number as f32);
+        let mut mesh = cuboid();
+        mesh.vertices.iter_mut().for_each(|vertex| *vertex += step + Vec3::Z);
+        let volume = DistanceVolume::new(&mesh, &crate::mesh::SolidIndex::new(&mesh).unwrap());
+        let bones = vec![(glam::Mat3::IDENTITY, Vec3::ZERO), (glam::Mat3::IDENTITY, step)];
+        View { volume, body, bones, places: places.to_vec() }
+    };
+    (0..5).map(view).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::Mat3;
-
-    use super::super::volume::{DistanceVolume, cuboid};
+    use super::super::volume::cuboid;
     use super::*;
     use crate::mesh::SolidIndex;
-
-    /// Frames in which a block far from the body goes with the second of two bones.
-    fn views<'a>(place: Vec3, body: &'a SolidIndex) -> Vec<View<'a>> {
-        let view = |number: usize| {
-            let step = Vec3::new(0.0, 0.0, 0.1 * number as f32);
-            let mut mesh = cuboid();
-            mesh.vertices.iter_mut().for_each(|vertex| *vertex += step + Vec3::Z);
-            let volume = DistanceVolume::new(&mesh, &SolidIndex::new(&mesh).unwrap());
-            let bones = vec![(Mat3::IDENTITY, Vec3::ZERO), (Mat3::IDENTITY, step)];
-            View { volume, body, bones, places: vec![place] }
-        };
-        (0..5).map(view).collect()
-    }
 
     #[test]
     fn what_is_worn_is_where_most_frames_show_it() {
         let body = SolidIndex::new(&cuboid()).unwrap();
         let on_block = Vec3::new(0.3, 0.0, 1.0);
-        let distance = |bone: usize| median_distance(0, &vec![(bone, 1.0)], &views(on_block, &body));
+        let distance = |bone: usize| median_distance(0, &vec![(bone, 1.0)], &views(&[on_block], &body));
         assert!(distance(1) < THERE, "{}", distance(1));
         assert_eq!(distance(0), BAND, "one frame of five shows it there");
     }
@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn places_in_or_near_the_body_tell_nothing() {
         let body = SolidIndex::new(&cuboid()).unwrap();
-        let view = &views(Vec3::ZERO, &body)[0];
+        let view = &views(&[Vec3::ZERO], &body)[0];
         let off = |point: Vec3, distance: f32| view.is_worn(point, distance);
         let edge = cuboid().vertices.iter().map(|vertex| vertex.x).fold(0.0, f32::max);
         assert_eq!(off(Vec3::ZERO, -0.1), None);
