@@ -1,4 +1,4 @@
-//! What sparse correctives are worth on a made-up population: the table of docs/trained-bodies.md.
+//! What sparse correctives are worth on a made-up population, as a table.
 //!
 //! `cargo run --release -p xavatar-learned --example trained_bodies -- BODY.npz [PEOPLE] [POSES]` trains on PEOPLE people in POSES poses each, with
 //! 12 mm of planted correctives and 2 mm of noise, and measures on a fifth as many other people.
