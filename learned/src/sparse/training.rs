@@ -2,7 +2,7 @@
 //!
 //! A round: of every subject the poses of its registrations, then its template and joints, twice; the registrations un-posed into sums over frames. Then
 //! correctives, then skinning weights. A subject's frames are read, used and forgotten: memory is that of one subject and of the sums. One frame of ten is
-//! held out of training: by these sparsity is chosen and rounds are judged. A round's end is a state that a later process can go on from.
+//! held out of training: by these sparsity is chosen and rounds are judged.
 
 use glam::DVec3;
 use rayon::prelude::*;
