@@ -10,7 +10,7 @@ use xavatar_network::Representation;
 use crate::Result;
 use crate::config::Assignment;
 use crate::fields::{CERTAINLY_OUTSIDE, PosedField};
-use crate::train::drawn::Drawn;
+use crate::train::drawn::{Drawn, Origin};
 use crate::train::losses::CanonicalBatch;
 use crate::train::supervision::{Curve, DistanceGrid};
 
@@ -51,8 +51,8 @@ impl RootFinder {
         let on = samples.on_points.iter().map(|_| false);
         let off = samples.off_targets.iter().map(|target| inside(*target));
         let is_inside: Vec<bool> = on.chain(off).collect();
-        let depths = [samples.on_depths.as_slice(), &samples.off_depths].concat();
-        let assigned = self.assign(posed, &found, &is_inside, &depths);
+        let origins = [samples.on_origins.as_slice(), &samples.off_origins].concat();
+        let assigned = self.assign(posed, &found, &is_inside, &origins);
         let (assigned_on, assigned_off) = assigned.split_at(samples.on_points.len());
 
         let mut batch = CanonicalBatch {
@@ -77,13 +77,13 @@ impl RootFinder {
         Ok(Roots { batch, statistics: found.statistics, inside_without_root })
     }
 
-    /// The candidate that each point is trained through, given which points are inside, and how deep in the registered body they are.
+    /// The candidate that each point is trained through, given which points are inside, and where they come from.
     fn assign(
         &self,
         posed: &PosedField,
         candidates: &Candidates<f32>,
         is_inside: &[bool],
-        depths: &[f32],
+        origins: &[Origin],
     ) -> Vec<Option<usize>> {
         match self.assignment {
             Assignment::Field => {
@@ -92,10 +92,23 @@ impl RootFinder {
                 posed.winners(candidates, |index, best| representation.prefers(values[index], values[best]))
             }
             Assignment::Body => {
-                let distances: Vec<f32> = candidates.points.par_iter().map(|point| self.distances.at(*point)).collect();
-                let possible =
-                    |point: usize, index: usize| may_train(distances[index], is_inside[point], depths[point]);
-                posed.winners_among(candidates, possible, |index, best| distances[index] < distances[best])
+                let mut distances: Vec<f32> =
+                    candidates.points.par_iter().map(|point| self.distances.at(*point)).collect();
+                let is_possible: Vec<bool> = (0..origins.len())
+                    .flat_map(|point| candidates.range(point).map(move |index| (point, index)))
+                    .map(|(point, index)| match origins[point] {
+                        Origin::Depth(depth) => may_train(distances[index], is_inside[point], depth),
+                        Origin::Place { place, within } => {
+                            distances[index] = Vec3::from_array(candidates.points[index]).distance(place);
+                            distances[index] < within
+                        }
+                    })
+                    .collect();
+                posed.winners_among(
+                    candidates,
+                    |_, index| is_possible[index],
+                    |index, best| distances[index] < distances[best],
+                )
             }
         }
     }

@@ -75,6 +75,8 @@ pub struct PreparedFrame<'a> {
 /// The registered body of a frame, in its own frame.
 struct RegisteredBody<'a> {
     mesh: TriangleMesh,
+    /// Its vertices in canonical space (V).
+    canonical: Vec<Vec3>,
     skeleton: &'a Skeleton,
     labels: &'a PartLabels,
     registration: Registration<'a>,
@@ -94,8 +96,9 @@ impl<'a> PreparedFrame<'a> {
             let registration = Registration::new(&posed, labels)?;
             let mut mesh = body.mesh(posed);
             mesh.normals = Some(mesh.vertex_normals());
+            let canonical = body.canonical_vertices(&pose.shape, &[])?;
             let pose = Arc::new(FieldPose::new(body, &pose)?);
-            let registered = RegisteredBody { mesh, skeleton: body.skeleton(), labels, registration };
+            let registered = RegisteredBody { mesh, canonical, skeleton: body.skeleton(), labels, registration };
             Ok(Self { id: id.clone(), pose, supervision: supervise(capture, registered, config)? })
         };
         prepare().map_err(|error: Error| error.in_frame(id.to_string()))

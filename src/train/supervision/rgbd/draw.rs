@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::CameraView;
 use super::observed::Source;
 use crate::config::{Config, SamplingStrategy};
-use crate::train::drawn::{PosedSamples, UNKNOWN_DEPTH};
+use crate::train::drawn::{Origin, PosedSamples, UNKNOWN_DEPTH};
 
 struct OnSurface {
     position: Vec3,
@@ -59,7 +59,7 @@ pub(super) fn draw(view: &CameraView, config: &Config, random: &mut ChaCha8Rng) 
         samples.on_normals.push(sample.normal.to_array());
         samples.on_colours.push(sample.colour.to_array());
         samples.on_labels.push(sample.label);
-        samples.on_depths.push(UNKNOWN_DEPTH);
+        samples.on_origins.push(Origin::Depth(UNKNOWN_DEPTH));
     }
     let Some(settings) = &config.rgbd else { return samples };
     if settings.off_surface {
@@ -75,7 +75,7 @@ pub(super) fn draw(view: &CameraView, config: &Config, random: &mut ChaCha8Rng) 
                 samples.off_points.push(sample.off.to_array());
                 samples.off_targets.push(distance);
                 samples.off_labels.push(sample.label);
-                samples.off_depths.push(UNKNOWN_DEPTH);
+                samples.off_origins.push(Origin::Depth(UNKNOWN_DEPTH));
             }
         }
     }

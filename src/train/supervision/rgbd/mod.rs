@@ -70,7 +70,7 @@ impl Supervision for CameraView<'_> {
 impl<'a> CameraView<'a> {
     pub fn new(capture: RgbdCapture, body: RegisteredBody<'a>, config: &Config) -> Result<Self> {
         let RgbdCapture { frame, cloud } = capture;
-        let RegisteredBody { mesh, skeleton, labels, registration } = body;
+        let RegisteredBody { mesh, skeleton, labels, registration, .. } = body;
         let Some(settings) = config.rgbd.clone() else {
             return Err(Error::from(InputError::Value {
                 name: "preset".into(),
@@ -195,7 +195,13 @@ mod tests {
             parameters: smplx::Parameters { transl: TRANSL, ..Default::default() }.into(),
         };
         let registration = Registration::new(&mesh.vertices, labels).unwrap();
-        let body = RegisteredBody { mesh, skeleton: smplx::skeleton(), labels, registration };
+        let body = RegisteredBody {
+            canonical: mesh.vertices.clone(),
+            mesh,
+            skeleton: smplx::skeleton(),
+            labels,
+            registration,
+        };
         let config = Config::preset("fast-rgbd").unwrap();
         CameraView::new(RgbdCapture::of(frame).unwrap(), body, &config).unwrap()
     }

@@ -12,8 +12,13 @@ use crate::Result;
 use crate::body::{Part, PartLabels, Registration, Role, Skeleton};
 use crate::config::{Config, HandSupervision, SamplingSettings, SamplingStrategy};
 use crate::data::ScanFrame;
-use crate::mesh::{SurfaceSampler, TriangleMesh};
-use crate::train::drawn::{PosedSamples, UNKNOWN_DEPTH};
+use crate::mesh::{SurfacePoint, SurfaceSampler, TriangleMesh};
+use crate::train::drawn::{Origin, PosedSamples, UNKNOWN_DEPTH};
+
+/// How far the root of a point on the registered body is from its place on the canonical body, where weights between a grid's nodes are not
+/// quite the body model's, metres; and how much farther for a point beside it, by how far it is beside.
+const EXACT: f32 = 0.02;
+const STRETCH: f32 = 2.0;
 
 /// Where a region's points are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +39,8 @@ struct Region {
 pub(super) struct ScanSupervision<'a> {
     scan: Surface,
     body: Surface,
+    /// The body's vertices in canonical space (V).
+    canonical: Vec<Vec3>,
     registration: Registration<'a>,
     regions: Vec<Region>,
     /// How deep in the registered body the centre of each of the scan's faces is, metres, at most [`UNKNOWN_DEPTH`].
@@ -63,7 +70,7 @@ impl<'a> ScanSupervision<'a> {
     pub fn new(frame: ScanFrame, body: RegisteredBody<'a>, config: &Config) -> Result<Self> {
         let ScanFrame { mut scan, parameters, unseen_parts, .. } = frame;
         scan.vertices.iter_mut().for_each(|vertex| *vertex -= parameters.translation());
-        let RegisteredBody { mesh, skeleton, labels, registration } = body;
+        let RegisteredBody { mesh, canonical, skeleton, labels, registration } = body;
         let regions = regions(&scan, &mesh, skeleton, labels, &registration, &config.sampling)?;
         let is_seen = |region: &Region| !unseen_parts.contains(&skeleton.parts[region.part.index()].name);
         let regions = regions.into_iter().filter(is_seen).collect();
@@ -77,14 +84,18 @@ impl<'a> ScanSupervision<'a> {
             )
         };
         let depths = (0..scan.mesh.faces.len() as u32).into_par_iter().with_min_len(256).map(depth).collect();
-        Ok(Self { scan, body, registration, regions, depths })
+        Ok(Self { scan, body, canonical, registration, regions, depths })
     }
 
-    /// How deep in the registered body the surface is at a face of a source. Thin fingers have no exact depth on a grid.
-    fn depth(&self, source: Source, face: u32) -> f32 {
+    /// Where a point on a source's surface comes from, and one that was `moved` so far from it, metres.
+    fn origin(&self, source: Source, place: &SurfacePoint, moved: f32) -> Origin {
         match source {
-            Source::Scan => self.depths[face as usize],
-            Source::Registration => UNKNOWN_DEPTH,
+            Source::Scan => Origin::Depth(self.depths[place.face as usize]),
+            Source::Registration => {
+                let corners = self.body.mesh.faces[place.face as usize].map(|vertex| self.canonical[vertex as usize]);
+                let place = corners.into_iter().zip(place.barycentric).map(|(corner, share)| corner * share).sum();
+                Origin::Place { place, within: EXACT + STRETCH * moved }
+            }
         }
     }
 
