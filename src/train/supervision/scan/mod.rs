@@ -7,18 +7,13 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::part_shares::{PartShare, part_shares, whole_share};
-use super::{BYTES_A_FACE, RegisteredBody, ScannedBody, Supervision, Surface, faces_of_part};
+use super::{BYTES_A_FACE, CanonicalVertices, RegisteredBody, ScannedBody, Supervision, Surface, faces_of_part};
 use crate::Result;
 use crate::body::{Part, PartLabels, Registration, Role, Skeleton};
 use crate::config::{Config, HandSupervision, SamplingSettings, SamplingStrategy};
 use crate::data::ScanFrame;
 use crate::mesh::{SurfacePoint, SurfaceSampler, TriangleMesh};
 use crate::train::drawn::{Origin, PosedSamples, UNKNOWN_DEPTH};
-
-/// How far the root of a point on the registered body is from its place on the canonical body, where weights between a grid's nodes are not
-/// quite the body model's, metres; and how much farther for a point beside it, by how far it is beside.
-const EXACT: f32 = 0.02;
-const STRETCH: f32 = 2.0;
 
 /// Where a region's points are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,8 +34,7 @@ struct Region {
 pub(super) struct ScanSupervision<'a> {
     scan: Surface,
     body: Surface,
-    /// The body's vertices in canonical space (V).
-    canonical: Vec<Vec3>,
+    canonical: CanonicalVertices,
     registration: Registration<'a>,
     regions: Vec<Region>,
     /// How deep in the registered body the centre of each of the scan's faces is, metres, at most [`UNKNOWN_DEPTH`].
@@ -91,11 +85,7 @@ impl<'a> ScanSupervision<'a> {
     fn origin(&self, source: Source, place: &SurfacePoint, moved: f32) -> Origin {
         match source {
             Source::Scan => Origin::Depth(self.depths[place.face as usize]),
-            Source::Registration => {
-                let corners = self.body.mesh.faces[place.face as usize].map(|vertex| self.canonical[vertex as usize]);
-                let place = corners.into_iter().zip(place.barycentric).map(|(corner, share)| corner * share).sum();
-                Origin::Place { place, within: EXACT + STRETCH * moved }
-            }
+            Source::Registration => self.canonical.origin(&self.body.mesh, place, moved),
         }
     }
 
