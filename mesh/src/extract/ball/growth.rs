@@ -18,13 +18,10 @@ pub(super) fn grow<Depth: Ord + Copy>(
     let is_waiting = |grown: &Solid, index: usize| grown.inside[index] != to && wanted(index);
     let mut line: BinaryHeap<(Depth, Reverse<usize>)> = BinaryHeap::new();
     // A point stands in line once: a second time would come right after the first, and change nothing.
-    let mut is_in_line = vec![false; grown.inside.len()];
-    for index in 0..grown.inside.len() {
-        if is_waiting(grown, index) && Solid::around(index, &around).any(|next| grown.inside[next] == to) {
-            is_in_line[index] = true;
-            line.push((depth(index), Reverse(index)));
-        }
-    }
+    let begins =
+        |index: usize| is_waiting(grown, index) && Solid::around(index, &around).any(|next| grown.inside[next] == to);
+    let mut is_in_line: Vec<bool> = (0..grown.inside.len()).map(begins).collect();
+    line.extend((0..is_in_line.len()).filter(|index| is_in_line[*index]).map(|index| (depth(index), Reverse(index))));
     while let Some((_, Reverse(index))) = line.pop() {
         is_in_line[index] = false;
         let is_inside = |(step, bit): &(isize, u32)| {
