@@ -163,6 +163,14 @@ impl CanonicalGrid {
         self.grid.corner_shares(point.to_array()).iter().map(|(corner, share)| values[*corner] * share).sum()
     }
 
+    /// The node nearest to a point; none outside the grid.
+    #[must_use]
+    pub fn nearest_node(&self, point: Vec3) -> Option<usize> {
+        self.grid.cell_number(point.to_array())?;
+        let corners = self.grid.corner_shares(point.to_array());
+        corners.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(corner, _)| corner)
+    }
+
     /// The nodes' signed distances to the body (R), metres.
     #[must_use]
     pub fn distances(&self) -> &[f32] {

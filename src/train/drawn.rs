@@ -7,6 +7,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::Vec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -20,6 +21,20 @@ use crate::fields::FieldPose;
 /// How deep in the registered body a surface is taken to be where that is not known: as deep as registrations are wrong, metres.
 pub const UNKNOWN_DEPTH: f32 = 0.01;
 
+/// What tells the root that a point is trained through from its others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Origin {
+    /// The surface is so deep in the registered body, metres, at most [`UNKNOWN_DEPTH`]; 0 outside of it.
+    Depth(f32),
+    /// The surface is the registered body's own, so its place on the canonical body is known; the root is `within` so much of it, metres.
+    Place {
+        /// On the canonical body.
+        place: Vec3,
+        /// How far the root may be from it.
+        within: f32,
+    },
+}
+
 /// Points of one posed frame; deformed coordinates, the registration's translation subtracted, metres.
 #[derive(Clone, Debug, Default)]
 pub struct PosedSamples {
@@ -31,16 +46,16 @@ pub struct PosedSamples {
     pub on_colours: Vec<[f32; 3]>,
     /// Of each: the label of its part.
     pub on_labels: Vec<u8>,
-    /// Of each: how deep in the registered body it is, metres, at most [`UNKNOWN_DEPTH`]; 0 outside of it.
-    pub on_depths: Vec<f32>,
+    /// Of each: where it comes from.
+    pub on_origins: Vec<Origin>,
     /// P_off: points beside the surface.
     pub off_points: Vec<[f32; 3]>,
     /// Of each: 1 inside and 0 outside for occupancy; else the signed distance, metres.
     pub off_targets: Vec<f32>,
     /// Of each: the label of its part.
     pub off_labels: Vec<u8>,
-    /// Of each: the depth of the point on the surface that it was moved from.
-    pub off_depths: Vec<f32>,
+    /// Of each: where the point on the surface comes from that it was moved from.
+    pub off_origins: Vec<Origin>,
 }
 
 /// All that one frame of one step is trained on.

@@ -16,7 +16,7 @@ mod spec;
 pub mod supervision;
 mod trainer;
 
-pub use drawn::{Drawn, PosedSamples, UNKNOWN_DEPTH};
+pub use drawn::{Drawn, Origin, PosedSamples, UNKNOWN_DEPTH};
 pub use progress::Progress;
 pub use record::{Stage, StepRecord};
 pub use spec::TrainingSpec;

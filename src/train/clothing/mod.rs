@@ -145,7 +145,7 @@ pub(super) fn fitted_rows(
     let places = Places::new(&grid, body, labels);
     let before = grid.body_rows(body).weights;
     let mut rows = before.clone();
-    votes::settle(&mut rows, &views, &places, grid.distances());
+    votes::settle(&mut rows, &views, &places, grid.distances(), |point| grid.nearest_node(point));
     weights::refine(&mut rows, &views, &places, &body.skeleton().parents);
     let worn = Worn::new(grid, &rows, &views, &places);
     let to_body = worn.grid().distances().iter();

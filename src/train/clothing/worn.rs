@@ -78,7 +78,11 @@ impl View<'_> {
     }
 }
 
-/// Frames in which a block far from the body goes with the second of two bones, and places (R) as bones find them.
+/// How far beside the block the third bone finds it, metres.
+#[cfg(test)]
+pub(super) const BESIDE: Vec3 = Vec3::new(0.0, 3.0, 0.0);
+
+/// Frames in which a block far from the body goes with the second of three bones, and with the third [`BESIDE`] it; the first rests.
 #[cfg(test)]
 pub(super) fn views<'a>(places: &[Vec3], body: &'a crate::mesh::SolidIndex) -> Vec<View<'a>> {
     use super::volume::{DistanceVolume, cuboid};
@@ -87,7 +91,7 @@ pub(super) fn views<'a>(places: &[Vec3], body: &'a crate::mesh::SolidIndex) -> V
         let mut mesh = cuboid();
         mesh.vertices.iter_mut().for_each(|vertex| *vertex += step + Vec3::Z);
         let volume = DistanceVolume::new(&mesh, &crate::mesh::SolidIndex::new(&mesh).unwrap());
-        let bones = vec![(glam::Mat3::IDENTITY, Vec3::ZERO), (glam::Mat3::IDENTITY, step)];
+        let bones = [Vec3::ZERO, step, step - BESIDE].map(|translation| (glam::Mat3::IDENTITY, translation)).to_vec();
         View { volume, body, bones, places: places.to_vec() }
     };
     (0..5).map(view).collect()

@@ -10,7 +10,7 @@ use xavatar_network::Representation;
 use crate::Result;
 use crate::config::Assignment;
 use crate::fields::{CERTAINLY_OUTSIDE, PosedField};
-use crate::train::drawn::Drawn;
+use crate::train::drawn::{Drawn, Origin};
 use crate::train::losses::CanonicalBatch;
 use crate::train::supervision::{Curve, DistanceGrid};
 
@@ -51,8 +51,8 @@ impl RootFinder {
         let on = samples.on_points.iter().map(|_| false);
         let off = samples.off_targets.iter().map(|target| inside(*target));
         let is_inside: Vec<bool> = on.chain(off).collect();
-        let depths = [samples.on_depths.as_slice(), &samples.off_depths].concat();
-        let assigned = self.assign(posed, &found, &is_inside, &depths);
+        let origins = [samples.on_origins.as_slice(), &samples.off_origins].concat();
+        let assigned = self.assign(posed, &found, &is_inside, &origins);
         let (assigned_on, assigned_off) = assigned.split_at(samples.on_points.len());
 
         let mut batch = CanonicalBatch {
@@ -77,13 +77,13 @@ impl RootFinder {
         Ok(Roots { batch, statistics: found.statistics, inside_without_root })
     }
 
-    /// The candidate that each point is trained through, given which points are inside, and how deep in the registered body they are.
+    /// The candidate that each point is trained through, given which points are inside, and where they come from.
     fn assign(
         &self,
         posed: &PosedField,
         candidates: &Candidates<f32>,
         is_inside: &[bool],
-        depths: &[f32],
+        origins: &[Origin],
     ) -> Vec<Option<usize>> {
         match self.assignment {
             Assignment::Field => {
@@ -93,9 +93,14 @@ impl RootFinder {
             }
             Assignment::Body => {
                 let distances: Vec<f32> = candidates.points.par_iter().map(|point| self.distances.at(*point)).collect();
-                let possible =
-                    |point: usize, index: usize| may_train(distances[index], is_inside[point], depths[point]);
-                posed.winners_among(candidates, possible, |index, best| distances[index] < distances[best])
+                let rank_of = |point: usize, index: usize| {
+                    rank(origins[point], is_inside[point], candidates.points[index], distances[index])
+                };
+                let ranks: Vec<Option<f32>> = (0..candidates.len())
+                    .flat_map(|point| candidates.range(point).map(move |index| rank_of(point, index)))
+                    .collect();
+                let is_possible = |_: usize, index: usize| ranks[index].is_some();
+                posed.winners_among(candidates, is_possible, |index, best| ranks[index] < ranks[best])
             }
         }
     }
@@ -111,10 +116,17 @@ fn in_spatial_order(curve: &Curve, assigned: &[Option<usize>], found: &Candidate
     keyed.into_iter().map(|(_, winner, index)| (winner, index)).collect()
 }
 
-/// Whether a point, inside the captured body or not and so deep in the registered one, may be trained through a root this far from the
-/// unclothed body, metres.
-fn may_train(distance: f32, is_inside: bool, depth: f32) -> bool {
-    distance < CERTAINLY_OUTSIDE && (is_inside || distance > -(depth + DEPTH_SLACK))
+/// The lower, the rather a point from `origin`, inside the captured body or not, is trained through a root this `distance` from the unclothed
+/// body, metres; none if it must not be.
+fn rank(origin: Origin, is_inside: bool, root: [f32; 3], distance: f32) -> Option<f32> {
+    let (rank, is_possible) = match origin {
+        Origin::Depth(depth) => (distance, is_inside || distance > -(depth + DEPTH_SLACK)),
+        Origin::Place { place, within } => {
+            let away = place.distance(Vec3::from_array(root));
+            (away, away < within)
+        }
+    };
+    (is_possible && distance < CERTAINLY_OUTSIDE).then_some(rank)
 }
 
 #[cfg(test)]
@@ -123,8 +135,21 @@ mod tests {
 
     #[test]
     fn no_surface_is_trained_deeper_in_the_body_than_it_is_and_nothing_far_from_it() {
+        let may_train = |distance: f32, is_inside: bool, depth: f32| {
+            rank(Origin::Depth(depth), is_inside, [0.0; 3], distance).is_some()
+        };
         assert!(may_train(0.02, false, 0.0) && may_train(-0.001, false, 0.0) && !may_train(-0.005, false, 0.0));
         assert!(may_train(-0.005, false, 0.006) && !may_train(-0.03, false, 0.006));
         assert!(may_train(0.02, true, 0.0) && may_train(-0.03, true, 0.0) && !may_train(0.2, true, 0.0));
+    }
+
+    // A hand that rests in the hip has a root there, deeper in the body than its own.
+    #[test]
+    fn registered_surfaces_are_trained_at_their_own_place() {
+        let of_hand = Origin::Place { place: Vec3::new(0.8, 0.1, 0.0), within: 0.02 };
+        let hand = rank(of_hand, false, [0.8, 0.103, 0.001], 0.003).unwrap();
+        let finger_beside = rank(of_hand, false, [0.8, 0.115, 0.0], -0.004).unwrap();
+        assert!(hand < finger_beside, "{hand} {finger_beside}");
+        assert_eq!(rank(of_hand, true, [0.13, -0.31, 0.03], -0.012), None);
     }
 }

@@ -24,12 +24,12 @@ use rgbd::CameraView;
 use scan::ScanSupervision;
 use uniform::uniform_points;
 
-use super::drawn::PosedSamples;
+use super::drawn::{Origin, PosedSamples};
 use crate::body::{BodyModel, Part, PartLabels, Registration, Skeleton};
 use crate::config::Config;
 use crate::data::{Capture, CaptureKind, FrameId};
 use crate::fields::FieldPose;
-use crate::mesh::{SolidIndex, TriangleMesh};
+use crate::mesh::{SolidIndex, SurfacePoint, TriangleMesh};
 use crate::{Error, InputError, Result};
 
 /// What a prepared face and vertex take, with their hierarchies.
@@ -75,9 +75,27 @@ pub struct PreparedFrame<'a> {
 /// The registered body of a frame, in its own frame.
 struct RegisteredBody<'a> {
     mesh: TriangleMesh,
+    canonical: CanonicalVertices,
     skeleton: &'a Skeleton,
     labels: &'a PartLabels,
     registration: Registration<'a>,
+}
+
+/// How far the root of a point on the registered body is from its place on the canonical body, where weights between a grid's nodes are not
+/// quite the body model's, metres; and how much farther for a point beside it, by how far it is beside.
+const EXACT: f32 = 0.02;
+const STRETCH: f32 = 2.0;
+
+/// The registered body's vertices in canonical space (V).
+struct CanonicalVertices(Vec<Vec3>);
+
+impl CanonicalVertices {
+    /// Where a place on the posed `body` comes from, or a point that was `moved` so far from it, metres.
+    fn origin(&self, body: &TriangleMesh, place: &SurfacePoint, moved: f32) -> Origin {
+        let corners = body.faces[place.face as usize].map(|vertex| self.0[vertex as usize]);
+        let place = corners.into_iter().zip(place.barycentric).map(|(corner, share)| corner * share).sum();
+        Origin::Place { place, within: EXACT + STRETCH * moved }
+    }
 }
 
 impl<'a> PreparedFrame<'a> {
@@ -94,8 +112,9 @@ impl<'a> PreparedFrame<'a> {
             let registration = Registration::new(&posed, labels)?;
             let mut mesh = body.mesh(posed);
             mesh.normals = Some(mesh.vertex_normals());
+            let canonical = CanonicalVertices(body.canonical_vertices(&pose.shape, &[])?);
             let pose = Arc::new(FieldPose::new(body, &pose)?);
-            let registered = RegisteredBody { mesh, skeleton: body.skeleton(), labels, registration };
+            let registered = RegisteredBody { mesh, canonical, skeleton: body.skeleton(), labels, registration };
             Ok(Self { id: id.clone(), pose, supervision: supervise(capture, registered, config)? })
         };
         prepare().map_err(|error: Error| error.in_frame(id.to_string()))

@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use self::observed::{ObservedPoints, Region, regions};
-use super::{BYTES_A_FACE, RegisteredBody, Supervision, Surface};
+use super::{BYTES_A_FACE, CanonicalVertices, RegisteredBody, Supervision, Surface};
 use crate::body::{Part, Registration, Role};
 use crate::config::{Config, RgbdSettings};
 use crate::data::{RgbdCapture, RgbdFrame};
@@ -39,6 +39,7 @@ const BYTES_A_POINT: usize = 64;
 pub(super) struct CameraView<'a> {
     observed: ObservedPoints,
     body: Surface,
+    canonical: CanonicalVertices,
     regions: Vec<Region>,
     registration: Registration<'a>,
     /// Posed in the body's frame.
@@ -70,7 +71,7 @@ impl Supervision for CameraView<'_> {
 impl<'a> CameraView<'a> {
     pub fn new(capture: RgbdCapture, body: RegisteredBody<'a>, config: &Config) -> Result<Self> {
         let RgbdCapture { frame, cloud } = capture;
-        let RegisteredBody { mesh, skeleton, labels, registration } = body;
+        let RegisteredBody { mesh, canonical, skeleton, labels, registration } = body;
         let Some(settings) = config.rgbd.clone() else {
             return Err(Error::from(InputError::Value {
                 name: "preset".into(),
@@ -91,6 +92,7 @@ impl<'a> CameraView<'a> {
             seen: vec![false; mesh.vertices.len()],
             is_thin: skeleton.parts.iter().map(|part| part.role == Role::Hands).collect(),
             body: Surface::new(mesh)?,
+            canonical,
             truncation: config.losses.truncation as f32,
             observed,
             registration,
@@ -195,7 +197,13 @@ mod tests {
             parameters: smplx::Parameters { transl: TRANSL, ..Default::default() }.into(),
         };
         let registration = Registration::new(&mesh.vertices, labels).unwrap();
-        let body = RegisteredBody { mesh, skeleton: smplx::skeleton(), labels, registration };
+        let body = RegisteredBody {
+            canonical: CanonicalVertices(mesh.vertices.clone()),
+            mesh,
+            skeleton: smplx::skeleton(),
+            labels,
+            registration,
+        };
         let config = Config::preset("fast-rgbd").unwrap();
         CameraView::new(RgbdCapture::of(frame).unwrap(), body, &config).unwrap()
     }

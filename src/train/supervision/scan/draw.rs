@@ -13,7 +13,7 @@ use xavatar_network::Representation;
 use super::{ScanSupervision, Source};
 use crate::config::{Config, SamplingStrategy};
 use crate::mesh::SurfacePoint;
-use crate::train::drawn::PosedSamples;
+use crate::train::drawn::{Origin, PosedSamples};
 use crate::train::supervision::{Curve, uniform_points};
 
 struct OnSurface {
@@ -88,9 +88,9 @@ pub(super) fn draw(frame: &ScanSupervision, config: &Config, random: &mut ChaCha
         samples.on_normals.push(normal.to_array());
         samples.on_colours.push(colour.to_array());
         samples.on_labels.push(sample.label);
-        let depth = frame.depth(sample.source, sample.place.face);
-        samples.on_depths.push(depth);
-        samples.off_depths.push(depth);
+        let origin = |moved: f32| frame.origin(sample.source, &sample.place, moved);
+        samples.on_origins.push(origin(0.0));
+        samples.off_origins.push(origin(sample.off.distance(position)));
         samples.off_points.push(sample.off.to_array());
         samples.off_targets.push(target);
         samples.off_labels.push(sample.label);
@@ -99,7 +99,7 @@ pub(super) fn draw(frame: &ScanSupervision, config: &Config, random: &mut ChaCha
         samples.off_points.push(point.to_array());
         samples.off_targets.push(target);
         samples.off_labels.push(label);
-        samples.off_depths.push(0.0);
+        samples.off_origins.push(Origin::Depth(0.0));
     }
     samples
 }

@@ -7,13 +7,13 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::part_shares::{PartShare, part_shares, whole_share};
-use super::{BYTES_A_FACE, RegisteredBody, ScannedBody, Supervision, Surface, faces_of_part};
+use super::{BYTES_A_FACE, CanonicalVertices, RegisteredBody, ScannedBody, Supervision, Surface, faces_of_part};
 use crate::Result;
 use crate::body::{Part, PartLabels, Registration, Role, Skeleton};
 use crate::config::{Config, HandSupervision, SamplingSettings, SamplingStrategy};
 use crate::data::ScanFrame;
-use crate::mesh::{SurfaceSampler, TriangleMesh};
-use crate::train::drawn::{PosedSamples, UNKNOWN_DEPTH};
+use crate::mesh::{SurfacePoint, SurfaceSampler, TriangleMesh};
+use crate::train::drawn::{Origin, PosedSamples, UNKNOWN_DEPTH};
 
 /// Where a region's points are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +34,7 @@ struct Region {
 pub(super) struct ScanSupervision<'a> {
     scan: Surface,
     body: Surface,
+    canonical: CanonicalVertices,
     registration: Registration<'a>,
     regions: Vec<Region>,
     /// How deep in the registered body the centre of each of the scan's faces is, metres, at most [`UNKNOWN_DEPTH`].
@@ -63,7 +64,7 @@ impl<'a> ScanSupervision<'a> {
     pub fn new(frame: ScanFrame, body: RegisteredBody<'a>, config: &Config) -> Result<Self> {
         let ScanFrame { mut scan, parameters, unseen_parts, .. } = frame;
         scan.vertices.iter_mut().for_each(|vertex| *vertex -= parameters.translation());
-        let RegisteredBody { mesh, skeleton, labels, registration } = body;
+        let RegisteredBody { mesh, canonical, skeleton, labels, registration } = body;
         let regions = regions(&scan, &mesh, skeleton, labels, &registration, &config.sampling)?;
         let is_seen = |region: &Region| !unseen_parts.contains(&skeleton.parts[region.part.index()].name);
         let regions = regions.into_iter().filter(is_seen).collect();
@@ -77,14 +78,14 @@ impl<'a> ScanSupervision<'a> {
             )
         };
         let depths = (0..scan.mesh.faces.len() as u32).into_par_iter().with_min_len(256).map(depth).collect();
-        Ok(Self { scan, body, registration, regions, depths })
+        Ok(Self { scan, body, canonical, registration, regions, depths })
     }
 
-    /// How deep in the registered body the surface is at a face of a source. Thin fingers have no exact depth on a grid.
-    fn depth(&self, source: Source, face: u32) -> f32 {
+    /// Where a point on a source's surface comes from, and one that was `moved` so far from it, metres.
+    fn origin(&self, source: Source, place: &SurfacePoint, moved: f32) -> Origin {
         match source {
-            Source::Scan => self.depths[face as usize],
-            Source::Registration => UNKNOWN_DEPTH,
+            Source::Scan => Origin::Depth(self.depths[place.face as usize]),
+            Source::Registration => self.canonical.origin(&self.body.mesh, place, moved),
         }
     }
 
