@@ -6,8 +6,11 @@
 
 use glam::{DMat3, DVec3, EulerRot};
 
+/// The smallest and the largest angle about x, y and z, where a joint turns about it.
+type Ranges = [Option<(f64, f64)>; 3];
+
 /// Of an axis, by the name of a left or a middle joint, degrees; of a right joint y and z are negated and swapped.
-const RANGES: [(&str, [Option<(f64, f64)>; 3]); 12] = [
+const RANGES: [(&str, Ranges); 12] = [
     ("hip", [Some((-130.0, 45.0)), Some((-60.0, 60.0)), Some((-40.0, 75.0))]),
     ("knee", [Some((0.0, 150.0)), None, None]),
     ("ankle", [Some((-45.0, 55.0)), Some((-35.0, 35.0)), None]),
@@ -133,7 +136,7 @@ impl Atoms {
 }
 
 /// The limits of a joint's axes, radians.
-fn ranges(name: &str) -> [Option<(f64, f64)>; 3] {
+fn ranges(name: &str) -> Ranges {
     let is_of = |word: &str| name.trim_end_matches(|last: char| last.is_ascii_digit()).ends_with(word);
     let found = RANGES.iter().find(|(word, _)| is_of(word)).map_or([Some(OTHERS); 3], |(_, ranges)| *ranges);
     let mirrored = |axis: usize, (low, high): (f64, f64)| match axis > 0 && name.starts_with("right_") {

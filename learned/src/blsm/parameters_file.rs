@@ -57,18 +57,17 @@ impl BlsmBody {
 
     /// The arrays of a file of these frames.
     pub fn parameter_arrays(&self, frames: &[BlsmParameters]) -> ArrayMap {
-        let array = |(name, width, row): (&str, usize, &dyn Fn(&BlsmParameters) -> Vec<f64>)| {
-            let data = ArrayData::F64(frames.iter().flat_map(row).collect());
+        let array = |name: &str, width: usize, row: fn(&Self, &BlsmParameters) -> Vec<f64>| {
+            let data = ArrayData::F64(frames.iter().flat_map(|frame| row(self, frame)).collect());
             (name.to_owned(), Array { shape: vec![frames.len(), width], data })
         };
-        let arrays: [(&str, usize, &dyn Fn(&BlsmParameters) -> Vec<f64>); 5] = [
-            ("global_orient", 3, &|of| so3::log(&of.turn).to_array().to_vec()),
-            ("transl", 3, &|of| of.translation.to_array().to_vec()),
-            (ANGLES, self.atoms.count(), &|of| self.atoms.angles(&of.atoms)),
-            ("bones", self.bone_basis.len(), &|of| of.bones.clone()),
-            ("shape", self.shape_basis.len(), &|of| of.shape.clone()),
-        ];
-        arrays.into_iter().map(array).collect()
+        ArrayMap::from([
+            array("global_orient", 3, |_, of| so3::log(&of.turn).to_array().to_vec()),
+            array("transl", 3, |_, of| of.translation.to_array().to_vec()),
+            array(ANGLES, self.atoms.count(), |body, of| body.atoms.angles(&of.atoms)),
+            array("bones", self.bone_basis.len(), |_, of| of.bones.clone()),
+            array("shape", self.shape_basis.len(), |_, of| of.shape.clone()),
+        ])
     }
 }
 

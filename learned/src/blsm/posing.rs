@@ -1,6 +1,6 @@
 //! Poses of other bodies on a BLSM body: the same angles, other bones (METHOD-BODY 9.5).
 
-use glam::{DMat3, DVec3};
+use glam::DMat3;
 use xavatar_body::Pose;
 use xavatar_register::linear::so3;
 
@@ -21,6 +21,8 @@ impl BlsmBody {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::blsm::Atoms;
     use crate::blsm::derivatives::tests::reference_body;

@@ -199,7 +199,7 @@ fn bounds(mask: &[bool], [width, _]: [u32; 2]) -> [u32; 4] {
         let column = place % width;
         (left.min(column), right.max(column + 1))
     });
-    match (places().next(), places().last()) {
+    match (places().next(), places().next_back()) {
         (Some(first), Some(last)) => [left, first / width, right - left, last / width + 1 - first / width],
         _ => [0; 4],
     }
