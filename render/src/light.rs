@@ -1,4 +1,4 @@
-//! The studio: a key light, a fill light and a soft ambient; and sRGB.
+//! The light: a key, a fill and a soft ambient; and sRGB.
 //!
 //! Lights are fixed to the camera, so a turntable keeps its look. Light adds up linearly; pictures and colours are sRGB.
 
@@ -17,17 +17,36 @@ const LAMP_OCCLUSION: f32 = 0.7;
 /// Ambient light from below and from above.
 const AMBIENT: [f32; 2] = [0.08, 0.24];
 
+/// What lights a scene, fixed to the camera: x right, y down, z away from it. The default is a studio.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Towards the key light.
+    pub towards: Vec3,
+    /// Of the key light: what a white surface that faces it sends to the camera.
+    pub strength: f32,
+    /// Of the ambient light, of the studio's.
+    pub ambient: f32,
+    /// Red, green and blue of all light, linear; white is 1.
+    pub tint: Vec3,
+}
+
+impl Default for Light {
+    fn default() -> Self {
+        Self { towards: KEY.0, strength: KEY.1, ambient: 1.0, tint: Vec3::ONE }
+    }
+}
+
 /// Light that a white surface with this unit normal (camera space) sends to the camera; `openness` is the share of the sky that
 /// it sees, 0 to 1.
-pub(super) fn illumination(normal: Vec3, openness: f32) -> f32 {
+pub(super) fn illumination(light: &Light, normal: Vec3, openness: f32) -> f32 {
     let sky = 0.5 - 0.5 * normal.y;
-    let ambient = AMBIENT[0] + sky * (AMBIENT[1] - AMBIENT[0]);
+    let ambient = light.ambient * (AMBIENT[0] + sky * (AMBIENT[1] - AMBIENT[0]));
     // Lambert's law softened: a large lamp still lights what is turned away from its centre.
     let lamp = |(direction, strength): (Vec3, f32)| {
         let facing = (WRAP + (1.0 - WRAP) * normal.dot(direction)).max(0.0);
         strength * facing * facing.sqrt()
     };
-    ambient * openness + (lamp(KEY) + lamp(FILL)) * softly_open(openness, LAMP_OCCLUSION)
+    ambient * openness + (lamp((light.towards, light.strength)) + lamp(FILL)) * softly_open(openness, LAMP_OCCLUSION)
 }
 
 /// What is left of a light that loses the share `strength` where nothing of the sky is seen.

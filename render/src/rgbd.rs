@@ -50,6 +50,23 @@ pub fn render_depth(mesh: &TriangleMesh, camera: &PinholeCamera) -> Result<Vec<f
     visible(mesh, camera, f32::INFINITY, |depth, _| depth)
 }
 
+/// What the centre of a pixel sees of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeenPoint {
+    /// Where on the mesh.
+    pub place: SurfacePoint,
+    /// Its depth z, metres.
+    pub depth: f32,
+}
+
+/// The point of the mesh that each pixel's centre sees, row by row (height x width); none where there is nothing.
+///
+/// # Errors
+/// As [`render_rgbd`].
+pub fn render_points(mesh: &TriangleMesh, camera: &PinholeCamera) -> Result<Vec<Option<SeenPoint>>> {
+    visible(mesh, camera, None, |depth, place| Some(SeenPoint { place, depth }))
+}
+
 /// For each pixel the `value` of the depth and the point where the ray through its centre meets the mesh; `nothing` where there is
 /// none.
 fn visible<T: Copy + Send>(

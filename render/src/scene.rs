@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::camera_bounds::check_camera;
 use super::colour_map::{ColourMap, linear_colour};
 use super::floor::Floor;
-use super::light::{decode_srgb, encode_srgb, illumination, softly_open};
+use super::light::{Light, decode_srgb, encode_srgb, illumination, softly_open};
 use super::occlusion::Sky;
 use super::rasterize::{Band, EMPTY, Pixel, ROOKS, Rasterizer, sample_place};
 use xavatar_formats::{Error, Result};
@@ -66,6 +66,7 @@ pub struct Scene<'a> {
     /// How open each vertex is to the sky's light, 0 to 1; none: all of it reaches all of them.
     openness: Option<Vec<f32>>,
     floor: Option<Floor>,
+    light: Light,
 }
 
 /// A picture of a mesh; for several of the same mesh, keep a [`Scene`].
@@ -87,7 +88,7 @@ impl<'a> Scene<'a> {
             Some(normals) => Cow::Borrowed(normals.as_slice()),
             None => Cow::Owned(mesh.vertex_normals()),
         };
-        Ok(Self { mesh, normals, openness: None, floor: None })
+        Ok(Self { mesh, normals, openness: None, floor: None, light: Light::default() })
     }
 
     /// Darkens creases and what is close to other parts, and puts a soft shadow on a floor at the height y = `floor` (metres), in
@@ -103,17 +104,38 @@ impl<'a> Scene<'a> {
         Ok(self)
     }
 
-    /// An anti-aliased picture.
+    /// The same scene in another light.
+    #[must_use]
+    pub fn lit_by(self, light: Light) -> Self {
+        Self { light, ..self }
+    }
+
+    /// An anti-aliased picture, on white.
     ///
     /// # Errors
     /// [`Error::Value`] if the camera is impossible.
     pub fn render(&self, camera: &PinholeCamera, view: View) -> Result<RgbImage> {
+        self.render_before(camera, view, &RgbImage::from_pixel(camera.width, camera.height, BACKGROUND))
+    }
+
+    /// An anti-aliased picture before a backdrop, which is of the camera's size and shows where there is neither mesh nor floor.
+    ///
+    /// # Errors
+    /// [`Error::Value`] if the camera is impossible or the backdrop of another size.
+    pub fn render_before(&self, camera: &PinholeCamera, view: View, backdrop: &RgbImage) -> Result<RgbImage> {
         check_camera(camera)?;
+        if backdrop.dimensions() != (camera.width, camera.height) {
+            let (found, expected) = (backdrop.dimensions(), (camera.width, camera.height));
+            return Err(Error::Value {
+                name: "backdrop".into(),
+                found: format!("{} x {} pixels", found.0, found.1),
+                expected: format!("the camera's {} x {}", expected.0, expected.1),
+            });
+        }
         let points = to_camera(self.mesh, camera);
         let floor = self.floor.as_ref().filter(|_| matches!(view, View::Shaded | View::Colour));
-        let shader = Shader { scene: self, points: &points, camera, view, floor, centroids: centroids() };
-        let PinholeCamera { width, height, .. } = *camera;
-        let mut picture = RgbImage::from_pixel(width, height, BACKGROUND);
+        let shader = Shader { scene: self, points: &points, camera, view, floor, backdrop, centroids: centroids() };
+        let mut picture = backdrop.clone();
         Rasterizer::new(&points, &self.mesh.faces, camera, ROOKS)
             .draw(&mut picture, 3, |band, pixels| shader.shade(band, pixels));
         Ok(picture)
@@ -145,6 +167,7 @@ struct Shader<'a> {
     camera: &'a PinholeCamera,
     view: View,
     floor: Option<&'a Floor>,
+    backdrop: &'a RgbImage,
     /// The centroid of a pixel's samples whose bits are set in the index, from the pixel's upper left corner.
     centroids: Vec<Vec2>,
 }
@@ -196,12 +219,14 @@ impl Shader<'_> {
     }
 
     fn background(&self, place: Vec2) -> Vec3 {
-        let Some(floor) = self.floor else { return Vec3::ONE };
+        let pixel = self.backdrop.get_pixel(place.x as u32, place.y as u32).0;
+        let behind = Vec3::from(pixel.map(|channel| decode_srgb(f32::from(channel) / 255.0)));
+        let Some(floor) = self.floor else { return behind };
         // Without an edge of shadow where the picture ends.
         let width = self.camera.width as f32;
         let inward = (place.x.min(width - place.x) / (width * FLOOR_FADE)).clamp(0.0, 1.0);
         let fade = inward * inward * (3.0 - 2.0 * inward);
-        Vec3::splat(softly_open(floor.openness(self.camera, place), FLOOR_SHADOW * fade))
+        behind * softly_open(floor.openness(self.camera, place), FLOOR_SHADOW * fade)
     }
 
     /// The linear colour of a face at a place of the picture.
@@ -230,15 +255,17 @@ impl Shader<'_> {
             }
             None => 1.0,
         };
-        let lit = illumination(facing, open);
+        let light = &self.scene.light;
+        let lit = illumination(light, facing, open);
         let unlit_share = if self.view == View::Data { UNLIT_SHARE_OF_DATA } else { UNLIT_SHARE };
-        match mesh.colour_at(&point).filter(|_| self.view != View::Shaded) {
-            Some(colour) => {
-                colour.map(decode_srgb)
-                    * (unlit_share * softly_open(open, COLOUR_OCCLUSION) + (1.0 - unlit_share) * lit)
+        light.tint
+            * match mesh.colour_at(&point).filter(|_| self.view != View::Shaded) {
+                Some(colour) => {
+                    colour.map(decode_srgb)
+                        * (unlit_share * softly_open(open, COLOUR_OCCLUSION) + (1.0 - unlit_share) * lit)
+                }
+                None => PLASTER * lit,
             }
-            None => PLASTER * lit,
-        }
     }
 }
 
@@ -256,4 +283,47 @@ pub(super) fn meeting_point(face: u32, corners: [Vec3; 3], ray: Vec3) -> Surface
     // A face seen edge-on has no unique point: take its middle.
     let barycentric = if sum.is_finite() && sum > 0.0 { shares.map(|share| share / sum) } else { [1.0 / 3.0; 3] };
     SurfacePoint { face, barycentric }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xavatar_mesh::Colouring;
+
+    /// A small white triangle in the middle, and the camera before it.
+    fn triangle() -> (TriangleMesh, PinholeCamera) {
+        let vertices = vec![Vec3::new(-0.2, -0.2, 0.0), Vec3::new(0.2, -0.2, 0.0), Vec3::new(0.0, 0.2, 0.0)];
+        let colouring = Colouring::Vertex(vec![[255; 3]; 3]);
+        let mesh = TriangleMesh { vertices, faces: vec![[0, 1, 2]], colouring, ..TriangleMesh::default() };
+        (mesh, PinholeCamera::looking_at(2.0 * Vec3::Z, Vec3::ZERO, 0.6, [40, 40]).unwrap())
+    }
+
+    #[test]
+    fn the_backdrop_shows_beside_the_mesh_and_mixes_at_its_edge() {
+        let (mesh, camera) = triangle();
+        let backdrop = RgbImage::from_fn(40, 40, |x, y| Rgb([6 * x as u8, 6 * y as u8, 0]));
+        let scene = Scene::new(&mesh).unwrap();
+        let picture = scene.render_before(&camera, View::Colour, &backdrop).unwrap();
+        let unlike: Vec<_> = picture.enumerate_pixels().filter(|(x, y, p)| *p != backdrop.get_pixel(*x, *y)).collect();
+        let whole = unlike.iter().filter(|(.., pixel)| pixel.0[2] > 150).count();
+        assert!(whole > 50 && unlike.len() > whole && unlike.len() < 400, "{whole} of {}", unlike.len());
+        assert_eq!(picture.get_pixel(2, 30), backdrop.get_pixel(2, 30));
+        let error = scene.render_before(&camera, View::Colour, &RgbImage::new(40, 39)).unwrap_err().to_string();
+        assert!(error.contains("40 x 39") && error.contains("40 x 40"), "{error}");
+    }
+
+    #[test]
+    fn light_has_a_side_and_a_colour() {
+        let (mesh, camera) = triangle();
+        let lit = |light: Light| {
+            let scene = Scene::new(&mesh).unwrap().lit_by(light);
+            scene.render(&camera, View::Colour).unwrap().get_pixel(20, 22).0
+        };
+        let studio = lit(Light::default());
+        assert_eq!(studio, render_mesh(&mesh, &camera, View::Colour).unwrap().get_pixel(20, 22).0);
+        let behind = lit(Light { towards: Vec3::Z, ..Light::default() });
+        assert!(behind[0] < studio[0], "{behind:?} {studio:?}");
+        let warm = lit(Light { tint: Vec3::new(1.0, 1.0, 0.5), ..Light::default() });
+        assert!(warm[2] < studio[2] && warm[0] == studio[0], "{warm:?}");
+    }
 }

@@ -62,6 +62,7 @@ enum Verb {
     PointCloud(verbs::pointcloud::PointCloudOf),
     View(verbs::view::View),
     RenderRgbd(verbs::render_rgbd::RenderRgbd),
+    RenderDataset(verbs::render_dataset::RenderDataset),
     Completions(verbs::completions::Completions),
     Man(verbs::man::Manual),
 }
@@ -169,6 +170,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Outcome> {
         Verb::PointCloud(verb) => verb.run(),
         Verb::View(verb) => verb.run(),
         Verb::RenderRgbd(verb) => verb.run(),
+        Verb::RenderDataset(verb) => verb.run(),
         Verb::Completions(verb) => verb.run(&mut CommandLine::command()),
         Verb::Man(verb) => verb.run(CommandLine::command()),
     }

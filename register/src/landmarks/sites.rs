@@ -35,6 +35,7 @@ pub struct NamedSite {
 #[derive(Clone, Debug)]
 pub struct Sites {
     sites: Vec<NamedSite>,
+    tips: Vec<usize>,
     vertices: BodyPoints,
 }
 
@@ -60,7 +61,7 @@ impl Sites {
                 tips.push(tip);
             }
         }
-        Self { sites, vertices: BodyPoints::of(model, linkage, &tips) }
+        Self { sites, vertices: BodyPoints::of(model, linkage, &tips), tips }
     }
 
     /// The place of a number.
@@ -76,6 +77,11 @@ impl Sites {
     /// All places, in the order of their numbers.
     pub fn all(&self) -> &[NamedSite] {
         &self.sites
+    }
+
+    /// Of each [`Site::Vertex`], in their order, which of the body's vertices it is.
+    pub fn tips(&self) -> &[usize] {
+        &self.tips
     }
 
     /// The vertices among them.

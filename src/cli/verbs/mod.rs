@@ -19,6 +19,7 @@ pub mod mocap;
 pub mod pointcloud;
 pub mod register;
 pub mod render;
+pub mod render_dataset;
 pub mod render_rgbd;
 pub mod train;
 pub mod view;

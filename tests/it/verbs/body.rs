@@ -8,7 +8,7 @@ use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
 use xavatar::mesh::{Colouring, TriangleMesh, read_mesh, write_ply};
 
-use super::tool::{TINY, assert_outcome, borrowed, data, text};
+use super::tool::{TINY, assert_outcome, borrowed, data, outcome, text};
 
 /// The tiny files of the references, and what they are.
 const TINY_FILES: [(&str, &str, usize); 7] = [
@@ -372,4 +372,35 @@ fn a_trained_body_is_a_body_like_any_other() {
     assert_outcome(&arguments, 0, &["12 of 144 vertices"]);
     assert_outcome(&["body", "info", text(&foot)], 0, &["SUPR body model", "left_ankle"]);
     file_goes_all_the_way(&star, &folder, true);
+}
+
+#[test]
+fn a_body_with_bones_and_flesh_apart_is_trained_fitted_and_posed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let start = fleshed("tiny_smpl.npz", folder.path());
+    let [people, blsm, parameters, json, mesh] =
+        ["people", "blsm.npz", "parameters.npz", "fit.json", "body.ply"].map(at);
+    let people_of = ["body", "synth", "--kind", "blsm", "--body", text(&start), "--subjects", "4", "--poses", "3"];
+    let synth = [&people_of[..], &["--noise", "0", "--out", text(&people)]].concat();
+    assert_outcome(&synth, 0, &["12 registrations of 4 people, 144 vertices each"]);
+    let train = ["body", "train", text(&people), "--from", text(&start), "--kind", "blsm", "--out", text(&blsm)];
+    assert_outcome(&train, 0, &["a BLSM body of 12 registrations of 4 people", "modes of bones"]);
+    assert_outcome(&["body", "info", text(&blsm)], 0, &["BLSM body model", "144 vertices", "47 atoms", "left_knee"]);
+
+    // The population's own body fits its registrations to the last digits of their file.
+    let truth = people.join("truth/blsm.npz");
+    let one = people.join("02/0001.ply");
+    let fit = ["body", "fit", text(&truth), text(&one), "--out", text(&parameters), "--json", text(&json)];
+    assert_outcome(&fit, 0, &["1 registrations"]);
+    let found: serde_json::Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    assert!(found["mean_mm"].as_f64().unwrap() < 0.5 && found["bones"].as_array().unwrap().len() == 3, "{found}");
+    assert_outcome(&["body", "pose", text(&truth), text(&parameters), "--out", text(&mesh)], 0, &["144 vertices"]);
+    let (posed, expected) = (read_mesh(&mesh).unwrap().mesh.vertices, read_mesh(&one).unwrap().mesh.vertices);
+    let distances: f32 = posed.iter().zip(&expected).map(|(one, other)| one.distance(*other)).sum();
+    assert!(distances / 144.0 < 5e-4, "{distances}");
+    let other = at("other.ply");
+    let wrong = ["body", "pose", text(&blsm), text(&parameters), "--frame", "2", "--out", text(&other)];
+    assert!(outcome(&wrong).0 != 0 && !other.exists());
+    assert_outcome(&["body", "pose", text(&blsm), "dance", "--out", text(&other)], 0, &["a BLSM body"]);
 }

@@ -4,6 +4,7 @@ mod batch;
 mod body;
 mod check;
 mod cli;
+mod labelled;
 mod register;
 mod render;
 mod rgbd;

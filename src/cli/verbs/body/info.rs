@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use xavatar::body::BodyModel;
+use xavatar::learned::blsm::BlsmBody;
 
-use super::BodyDescription;
+use super::{BodyDescription, bones_and_flesh};
 use crate::cli::Outcome;
 use crate::cli::output::json::JsonArgument;
 
@@ -22,8 +23,14 @@ pub struct Info {
 impl Info {
     pub fn run(self) -> anyhow::Result<Outcome> {
         self.json.check()?;
-        let described = BodyDescription::of(&self.file, &BodyModel::read_arrays(&self.file)?)?;
-        self.json.print(&described, &described)?;
+        let arrays = BodyModel::read_arrays(&self.file)?;
+        if BlsmBody::is_in(&arrays) {
+            let described = bones_and_flesh::Description::of(&self.file, &arrays)?;
+            self.json.print(&described, &described)?;
+        } else {
+            let described = BodyDescription::of(&self.file, &arrays)?;
+            self.json.print(&described, &described)?;
+        }
         Ok(Outcome::Done)
     }
 }

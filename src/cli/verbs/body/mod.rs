@@ -1,8 +1,10 @@
 //! `xavatar body`: body models of every family: what they hold, posing them, making them of other data, training and measuring them.
 
+mod bones_and_flesh;
 mod convert;
 mod description;
 mod eval;
+mod fit;
 mod import;
 mod info;
 mod personal;
@@ -38,6 +40,7 @@ enum Verb {
     Convert(convert::Convert),
     Synth(synth::Synth),
     Train(train::Train),
+    Fit(fit::Fit),
     Personal(personal::Personal),
     Separate(separate::Separate),
     Eval(eval::Eval),
@@ -52,6 +55,7 @@ impl Body {
             Verb::Convert(verb) => verb.run(),
             Verb::Synth(verb) => verb.run(),
             Verb::Train(verb) => verb.run(),
+            Verb::Fit(verb) => verb.run(),
             Verb::Personal(verb) => verb.run(),
             Verb::Separate(verb) => verb.run(),
             Verb::Eval(verb) => verb.run(),

@@ -3,10 +3,13 @@
 use std::path::PathBuf;
 
 use serde::Serialize;
-use xavatar::body::{Gender, Pose};
+use xavatar::body::{BodyModel, Gender, Pose};
 use xavatar::data::{MotionOptions, RestPose};
+use xavatar::learned::blsm::BlsmBody;
+use xavatar::mesh::TriangleMesh;
 use xavatar::synthetic::load_poses;
 
+use super::bones_and_flesh;
 use crate::cli::Outcome;
 use crate::cli::options::meshes::MeshFormat;
 use crate::cli::options::{inputs, motion};
@@ -56,8 +59,14 @@ impl PoseBody {
         let format = MeshFormat::of(&self.out)?;
         files::new_file(&self.out)?;
         self.json.check()?;
-        let gender = Gender::of_file_name(&self.file).unwrap_or_default();
-        let (body, _) = inputs::load_body(&self.file, gender)?;
+        let arrays = if self.file.is_file() { Some(BodyModel::read_arrays(&self.file)?) } else { None };
+        if let Some(arrays) = arrays.as_ref().filter(|arrays| BlsmBody::is_in(arrays)) {
+            return self.pose_blsm(&BlsmBody::from_arrays(&self.file, arrays)?, format);
+        }
+        let body = match arrays {
+            Some(arrays) => BodyModel::from_arrays(&self.file, &arrays)?,
+            None => inputs::load_body(&self.file, Gender::default())?.0,
+        };
         let skeleton = body.skeleton();
         let mut pose = if self.pose.as_os_str() == REST && !self.pose.exists() {
             skeleton.rest_pose()
@@ -84,6 +93,33 @@ impl PoseBody {
         let written = Posed { file: &self.out, vertices: posed.vertices.len(), joints: joints.collect() };
         format.write(&self.out, &body.mesh(posed.vertices.clone()))?;
         let line = format!("{}: {} vertices of {}", self.out.display(), written.vertices, skeleton.description());
+        self.json.print(&written, &line)?;
+        Ok(Outcome::Done)
+    }
+
+    /// A body whose bones and flesh are apart, in a frame of its parameters or of a motion.
+    fn pose_blsm(&self, body: &BlsmBody, format: MeshFormat) -> anyhow::Result<Outcome> {
+        let mut parameters = if self.pose.as_os_str() == REST && !self.pose.exists() {
+            body.rest()
+        } else {
+            let frames = bones_and_flesh::frames_of(body, &self.pose)?;
+            let count = frames.len();
+            match self.frame.checked_sub(1).and_then(|index| frames.into_iter().nth(index)) {
+                Some(parameters) => parameters,
+                None => wrong_usage!("--frame {}: {} has {count} frames", self.frame, self.pose.display()),
+            }
+        };
+        if let Some(shape) = &self.shape {
+            let own = shape.iter().map(|value| f64::from(*value)).chain(std::iter::repeat(0.0));
+            parameters.shape = own.take(body.shape_basis.len()).collect();
+        }
+        let posed = body.posed(&parameters);
+        let vertices: Vec<glam::Vec3> = posed.vertices.iter().map(|vertex| vertex.as_vec3()).collect();
+        let places = posed.skeleton.places.iter().map(|place| place.as_vec3().to_array());
+        let joints = body.names.iter().map(String::as_str).zip(places).collect();
+        let written = Posed { file: &self.out, vertices: vertices.len(), joints };
+        format.write(&self.out, &TriangleMesh { vertices, faces: body.faces.clone(), ..TriangleMesh::default() })?;
+        let line = format!("{}: {} vertices of a BLSM body", self.out.display(), written.vertices);
         self.json.print(&written, &line)?;
         Ok(Outcome::Done)
     }

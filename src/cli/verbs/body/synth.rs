@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
+use clap::ValueEnum;
 use serde::Serialize;
 use xavatar::body::{BodyModel, Gender};
+use xavatar::learned::blsm::BlsmPopulation;
 use xavatar::learned::population::Population;
 use xavatar::synthetic::BuiltInSubject;
 
@@ -26,6 +28,9 @@ pub struct Synth {
     /// Body whose skeleton, weights and shapes people have; without it the built-in one
     #[arg(long, value_name = "BODY")]
     body: Option<PathBuf>,
+    /// How people differ: supr in shapes, with sparse pose correctives; blsm in three modes of bones and in flesh
+    #[arg(long, value_enum, value_name = "KIND", default_value = "supr")]
+    kind: Kind,
     /// How many people
     #[arg(long, value_name = "N", default_value_t = 20)]
     subjects: usize,
@@ -40,6 +45,12 @@ pub struct Synth {
     seed: u64,
     #[command(flatten)]
     json: JsonArgument,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Kind {
+    Supr,
+    Blsm,
 }
 
 /// What was written.
@@ -59,18 +70,19 @@ impl Synth {
             Some(path) => inputs::load_body(path, Gender::of_file_name(path).unwrap_or_default())?.0,
             None => BuiltInSubject::new()?.model().clone(),
         };
-        let population = Population {
-            subjects: self.subjects,
-            poses: self.poses,
-            noise: self.noise * 1e-3,
-            seed: self.seed,
-            ..Population::default()
-        };
+        let (subjects, poses, noise, seed) = (self.subjects, self.poses, self.noise * 1e-3, self.seed);
         let mut progress = Progress::new();
-        population.write(&start, &self.out, |share| {
+        let tell = |share: f64| {
             progress.show("people", share, "registrations");
             Ok(())
-        })?;
+        };
+        match self.kind {
+            Kind::Supr => {
+                let population = Population { subjects, poses, noise, seed, ..Population::default() };
+                population.write(&start, &self.out, tell)?;
+            }
+            Kind::Blsm => drop(BlsmPopulation { subjects, poses, noise, seed }.write(&start, &self.out, tell)?),
+        }
         progress.finish();
         let registrations = self.subjects * self.poses;
         let written =

@@ -12,6 +12,7 @@ use xavatar::learned::registrations::Registrations;
 use xavatar::learned::sparse::{Kind, Progress as Round, Training};
 use xavatar::synthetic::BuiltInSubject;
 
+use super::bones_and_flesh;
 use crate::cli::Outcome;
 use crate::cli::output::files;
 use crate::cli::output::json::JsonArgument;
@@ -25,6 +26,7 @@ const ENOUGH: (usize, usize) = (10, 30);
 #[command(after_help = "Examples:\n  \
     xavatar body synth --out people && xavatar body train people --out body.npz\n  \
     xavatar body train registrations --from models/SMPLX_NEUTRAL.npz --out body.npz\n  \
+    xavatar body train people --kind blsm --out blsm.npz\n  \
     xavatar body train dfaust --from models/SMPL_NEUTRAL.pkl --kind star --out star.npz\n\n\
     Registrations are meshes in the topology of the body that training begins with: a folder a person, X-Humans' subjects, FAUST's files. \
     The result is a body file for every verb with --body (docs/trained-bodies.md).")]
@@ -38,7 +40,8 @@ pub struct Train {
     /// Body that training begins with: skeleton, weights, topology; without it the built-in one
     #[arg(long, value_name = "BODY")]
     from: Option<PathBuf>,
-    /// What the file is: star for SMPL's 24 joints, supr for any; without it by the joints
+    /// What the body is: star for SMPL's 24 joints, supr for any, blsm with bones and flesh apart (no correctives of poses);
+    /// without it star or supr by the joints
     #[arg(long, value_enum, value_name = "KIND")]
     kind: Option<FileKind>,
     /// Pose correctives: sparse, dense as SMPL's, or none
@@ -55,6 +58,7 @@ pub struct Train {
 enum FileKind {
     Star,
     Supr,
+    Blsm,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -99,6 +103,11 @@ impl Train {
             );
         }
         let family = match self.kind {
+            Some(FileKind::Blsm) => {
+                let trained = bones_and_flesh::train(&start, &registrations, self.keep_weights, &self.out)?;
+                self.json.print(&trained, &trained)?;
+                return Ok(Outcome::Done);
+            }
             Some(FileKind::Star) => Family::Star,
             Some(FileKind::Supr) => Family::Supr,
             None if start.skeleton().joints == smpl::skeleton().joints => Family::Star,

@@ -298,7 +298,7 @@ fn millimetres(text: &str) -> Result<f32, String> {
     value.ok_or_else(|| "expected millimetres from 0.01 to 1000".into())
 }
 
-fn size(text: &str) -> Result<(u32, u32), String> {
+pub fn size(text: &str) -> Result<(u32, u32), String> {
     let side = |text: &str| text.parse().ok().filter(|side| (16..=4096).contains(side));
     let sides = text.split_once('x').and_then(|(width, height)| Some((side(width)?, side(height)?)));
     sides.ok_or_else(|| "expected WIDTHxHEIGHT, each from 16 to 4096 pixels, such as 400x640".into())

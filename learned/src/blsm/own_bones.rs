@@ -1,0 +1,211 @@
+//! A person's own bones and flesh, told apart by how joints move (METHOD-BODY 9.4 a, d).
+//!
+//! v = L T + m is linear in a vertex's flesh T; p are the poses of all frames and the bones, D = dv / dp. Flesh would take the blame for bones, so a step of
+//! Gauss and Newton eliminates each vertex's: (sum D^T D - C^T N^-1 C) d = -(sum D^T r - C^T N^-1 sum L^T r), N = sum_f L^T L, C = sum_f L^T D. Then flesh
+//! itself. Some frames are enough for bones.
+
+use glam::{DMat3, DVec3};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::fit::{sample, wall};
+use super::{BlsmBody, BlsmFit, BlsmParameters, Columns, Free, PosedBlsm};
+
+/// Steps from nothing, and from where a person was.
+const STEPS: [usize; 2] = [5, 2];
+/// Vertices of each joint that bones are found by: more than poses take, for their noise is the bones'.
+const OF_JOINT: usize = 64;
+/// Frames that bones are found in, at most.
+const FRAMES: usize = 8;
+/// What a free bone's coefficient of 1 costs, metres^2: much while flesh is unknown, then as much as a registration's noise.
+const HELD: [f64; 2] = [1e-4, 4e-6];
+/// What holds flesh that no frame says anything of, and an unknown, of its own square.
+const UNSEEN: f64 = 1e-9;
+const DAMPING: f64 = 1e-7;
+/// Vertices whose sums one task has.
+const VERTICES: usize = 512;
+
+/// One person.
+#[derive(Clone, Debug)]
+pub(super) struct Person {
+    /// The parameters of each frame, all with the same bones and shape.
+    pub frames: Vec<BlsmParameters>,
+    /// The flesh at rest (V).
+    pub flesh: Vec<DVec3>,
+}
+
+impl Person {
+    /// Of registrations (F, V) on a body whose bones are free; from `start`, or from nothing.
+    pub fn of(free: &BlsmBody, registrations: &[Vec<DVec3>], start: Option<Self>) -> Self {
+        let steps = STEPS[usize::from(start.is_some())];
+        let mut person = start.unwrap_or_else(|| Self {
+            frames: BlsmFit::new(free, HELD[0]).person(registrations, None),
+            flesh: free.template.clone(),
+        });
+        let mut own = BlsmBody { shape_basis: Vec::new(), ..free.clone() };
+        person.frames.iter_mut().for_each(|frame| frame.shape.clear());
+        let count = registrations.len().min(FRAMES);
+        let chosen: Vec<usize> = (0..count).map(|index| index * registrations.len() / count).collect();
+        for _ in 0..steps {
+            own.template.clone_from(&person.flesh);
+            own.step_beside_flesh(registrations, &mut person.frames, &chosen);
+            person.flesh = own.flesh(registrations, &person.frames);
+        }
+        own.template.clone_from(&person.flesh);
+        person.refit(&own, registrations);
+        person
+    }
+
+    /// Finds flesh and poses again at the bones that frames have, of a body without shapes and correctives.
+    pub fn refit(&mut self, own: &BlsmBody, registrations: &[Vec<DVec3>]) {
+        self.flesh = own.flesh(registrations, &self.frames);
+        let own = BlsmBody { template: self.flesh.clone(), ..own.clone() };
+        let fit = BlsmFit::new(&own, 0.0);
+        let frames = self.frames.par_iter().zip(registrations);
+        self.frames = frames.map(|(start, frame)| fit.nearest(frame, Free::Pose, Some(start))).collect();
+    }
+}
+
+impl BlsmBody {
+    /// Moves the poses of some frames, and the bones of all, whatever the flesh is.
+    fn step_beside_flesh(&self, registrations: &[Vec<DVec3>], frames: &mut [BlsmParameters], chosen: &[usize]) {
+        let columns = Columns::of(self);
+        let posing = columns.bones().start;
+        let count = chosen.len() * posing + columns.bones;
+        let place = |frame: usize, column: usize| match column.checked_sub(posing) {
+            None => frame * posing + column,
+            Some(bone) => chosen.len() * posing + bone,
+        };
+        let posed: Vec<PosedBlsm> = chosen.iter().map(|frame| self.posed(&frames[*frame])).collect();
+        let of_vertices = |vertices: &[usize]| {
+            let mut sums = Sums { matrix: DMatrix::zeros(count, count), gradient: DVector::zeros(count) };
+            let mut row = vec![DVec3::ZERO; columns.count()];
+            let mut crossed = vec![DVec3::ZERO; count];
+            for vertex in vertices {
+                crossed.fill(DVec3::ZERO);
+                let (mut normal, mut pull) = (DMat3::from_diagonal(DVec3::splat(UNSEEN)), DVec3::ZERO);
+                for (at, (posed, frame)) in posed.iter().zip(chosen).enumerate() {
+                    self.row_by_angles(&frames[*frame], posed, *vertex, &mut row);
+                    let linear = self.linear(posed, *vertex);
+                    let residual = posed.vertices[*vertex] - registrations[*frame][*vertex];
+                    normal += linear.transpose() * linear;
+                    pull += linear.transpose() * residual;
+                    let entries: Vec<(usize, DVec3)> = some(&row).map(|(column, of)| (place(at, column), of)).collect();
+                    sums.add(&entries, &entries, residual, 1.0);
+                    entries.iter().for_each(|(column, entry)| crossed[*column] += linear.transpose() * *entry);
+                }
+                let inverse = normal.inverse();
+                let entries: Vec<(usize, DVec3)> = some(&crossed).collect();
+                let eliminated: Vec<(usize, DVec3)> = entries.iter().map(|(at, of)| (*at, inverse * *of)).collect();
+                sums.add(&eliminated, &entries, pull, -1.0);
+            }
+            sums
+        };
+        let parts: Vec<Sums> = sample(self, OF_JOINT).par_chunks(VERTICES).map(of_vertices).collect();
+        let (mut matrix, mut gradient) = (DMatrix::zeros(count, count), DVector::zeros(count));
+        for part in parts {
+            matrix += part.matrix;
+            gradient += part.gradient;
+        }
+        matrix.fill_upper_triangle_with_lower_triangle();
+        let bones = frames.first().map_or_else(Vec::new, |frame| frame.bones.clone());
+        for (at, bone) in (chosen.len() * posing..).zip(&bones) {
+            matrix[(at, at)] += HELD[1];
+            gradient[at] += HELD[1] * bone;
+        }
+        for (at, frame) in chosen.iter().enumerate() {
+            // Columns of a frame's atoms, and others' that are none.
+            let own: Vec<usize> = (0..count).map(|column| column.checked_sub(at * posing).unwrap_or(count)).collect();
+            let own: Vec<usize> = own.iter().map(|column| if *column < posing { *column } else { count }).collect();
+            wall(&self.atoms, &frames[*frame], &own, (&mut matrix, &mut gradient));
+        }
+        (0..count).for_each(|at| matrix[(at, at)] += DAMPING * matrix[(at, at)] + UNSEEN);
+        let Some(step) = matrix.cholesky().map(|factor| factor.solve(&-gradient)) else { return };
+        let of_bones = &step.as_slice()[chosen.len() * posing..];
+        for (at, frame) in chosen.iter().enumerate() {
+            let own = [&step.as_slice()[at * posing..(at + 1) * posing], &vec![0.0; columns.bones]].concat();
+            frames[*frame] = frames[*frame].turned(&self.atoms, columns, &own);
+        }
+        let bones: Vec<f64> = bones.iter().zip(of_bones).map(|(bone, step)| bone + step).collect();
+        frames.iter_mut().for_each(|frame| frame.bones.clone_from(&bones));
+    }
+
+    /// A person's flesh at rest (V), beyond this body's correctives and shape; what no frame says is the body's.
+    pub(super) fn flesh(&self, registrations: &[Vec<DVec3>], frames: &[BlsmParameters]) -> Vec<DVec3> {
+        let posed: Vec<PosedBlsm> = frames.par_iter().map(|frame| self.posed(frame)).collect();
+        let of_vertex = |vertex: usize| {
+            let (mut normal, mut pull) = (DMat3::from_diagonal(DVec3::splat(UNSEEN)), DVec3::ZERO);
+            for (posed, frame) in posed.iter().zip(registrations) {
+                let linear = self.linear(posed, vertex);
+                normal += linear.transpose() * linear;
+                pull += linear.transpose() * (frame[vertex] - posed.vertices[vertex]);
+            }
+            self.template[vertex] + normal.inverse() * pull
+        };
+        (0..self.template.len()).into_par_iter().map(of_vertex).collect()
+    }
+
+    /// dv / dT of a vertex.
+    fn linear(&self, posed: &PosedBlsm, vertex: usize) -> DMat3 {
+        let turned =
+            |(joint, weight): &(usize, f64)| posed.skeleton.turns[*joint] * (posed.skeleton.sizes[*joint] * weight);
+        self.weights[vertex].iter().map(turned).sum()
+    }
+}
+
+/// What vertices say of all unknowns: H, below its diagonal, and g.
+struct Sums {
+    matrix: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+impl Sums {
+    /// Adds products of entries, which are in the order of their columns.
+    fn add(&mut self, entries: &[(usize, DVec3)], others: &[(usize, DVec3)], residual: DVec3, sign: f64) {
+        for (index, (column, entry)) in entries.iter().enumerate() {
+            self.gradient[*column] += sign * entry.dot(residual);
+            for (row, other) in &others[index..] {
+                self.matrix[(*row, *column)] += sign * entry.dot(*other);
+            }
+        }
+    }
+}
+
+/// Entries that are not zero, with their places.
+fn some(entries: &[DVec3]) -> impl Iterator<Item = (usize, DVec3)> {
+    entries.iter().copied().enumerate().filter(|(_, entry)| *entry != DVec3::ZERO)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::blsm::Atoms;
+    use crate::blsm::derivatives::tests::{parameters, reference_body};
+    use xavatar_body::smpl;
+
+    // A step at the truth stays there, whatever the body's own flesh was.
+    #[test]
+    fn bones_are_a_persons_own_whatever_the_flesh() {
+        let (mut truth, golden) = reference_body();
+        truth.names = smpl::skeleton().joints.clone();
+        truth.atoms = Atoms { joints: 24, ..truth.atoms };
+        let mut frames: Vec<BlsmParameters> = (0..4).map(|row| parameters(&golden, row, "")).collect();
+        let bones = vec![0.5, -1.0, 0.7];
+        frames.iter_mut().for_each(|frame| (frame.bones, frame.shape) = (bones.clone(), Vec::new()));
+        truth.shape_basis.clear();
+        let registrations: Vec<Vec<DVec3>> = frames.iter().map(|frame| truth.posed(frame).vertices).collect();
+        let flesh = truth.flesh(&registrations, &frames);
+        assert!(flesh.iter().zip(&truth.template).all(|(found, expected)| found.distance(*expected) < 1e-6));
+        // Bones and flesh that are wrong, at the right poses.
+        let mut body = truth.clone();
+        body.template.iter_mut().for_each(|place| *place *= 1.03);
+        let mut found = frames.clone();
+        found.iter_mut().for_each(|frame| frame.bones = vec![0.3, -0.8, 0.6]);
+        for _ in 0..60 {
+            body.step_beside_flesh(&registrations, &mut found, &[0, 1, 2, 3]);
+            body.template = body.flesh(&registrations, &found);
+        }
+        let distance = |of: &[f64]| of.iter().zip(&bones).map(|(one, other)| (one - other).abs()).fold(0.0, f64::max);
+        assert!(distance(&found[0].bones) < 0.05, "{:?}", found[0].bones);
+    }
+}

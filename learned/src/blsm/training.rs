@@ -1,0 +1,239 @@
+//! A BLSM body of registrations (METHOD-BODY 9.4): bones, then flesh, then weights, twice.
+//!
+//! (a) Every person's poses, bones, each free, and flesh T; (b) the modes of the bones' lengths; (c) poses and flesh again with bones of these modes;
+//! (d) template and correctives are least squares of all people's T on [1 | c_b]; (f) shapes are principal components of what is left; (g) weights, by
+//! what each joint alone would do to T. V vertices; metres.
+
+use glam::DVec3;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+use xavatar_body::BodyModel;
+use xavatar_formats::Result;
+
+use super::bones::bone_modes;
+use super::own_bones::Person;
+use super::{Atoms, BlsmBody, BlsmFit, BlsmParameters, ScaledSkeleton};
+use crate::core::{Grown, Identity, WeightMoments, WeightRow, shapes_of, weight_rows};
+use crate::registrations::Registrations;
+
+/// Rounds.
+const ROUNDS: usize = 2;
+/// Deviation of a free bone's scale that costs as much as a coefficient of 1.
+const FREE_BONE: f64 = 0.1;
+/// Modes of bones are kept up to this share of the variance, and at most so many.
+const SHARE: f64 = 0.97;
+const MODES: usize = 6;
+/// What holds correctives to zero, beside the people: modes have unit variance.
+const RIDGE: f64 = 0.1;
+
+/// How a body is trained.
+#[derive(Clone, Copy, Debug)]
+pub struct BlsmTraining {
+    /// Shapes at most.
+    pub shapes: usize,
+    /// Leave skinning weights as they are.
+    pub keep_weights: bool,
+}
+
+/// What was trained.
+#[derive(Clone, Debug)]
+pub struct TrainedBlsm {
+    /// The body.
+    pub body: BlsmBody,
+    /// Each person's coefficients: bones, then shapes.
+    pub people: Vec<[Vec<f64>; 2]>,
+    /// The share of the variance of lengths that the modes of bones have.
+    pub explained: f64,
+    /// The mean distance of a vertex of the registrations after each round, metres.
+    pub distances: Vec<f64>,
+}
+
+impl BlsmTraining {
+    /// Trains a body that begins as `start`: with its skeleton, weights and template. `progress` is told the share that is done.
+    ///
+    /// # Errors
+    /// Those of reading registrations; what `progress` returns.
+    pub fn train(
+        &self,
+        start: &BodyModel,
+        registrations: &Registrations,
+        mut progress: impl FnMut(f64) -> Result<()>,
+    ) -> Result<TrainedBlsm> {
+        let mut body = BlsmBody::of(start);
+        let grown = Grown::of(&body.weights, &body.faces);
+        let subjects = registrations.subjects.len();
+        let mut people: Vec<Option<Person>> = vec![None; subjects];
+        let (mut distances, mut explained, mut coefficients) = (Vec::new(), 0.0, Vec::new());
+        for round in 0..ROUNDS {
+            let mut tell = |part: usize, subject: usize| {
+                let share = (part as f64 + subject as f64 / subjects as f64) / 2.0;
+                progress((round as f64 + share) / ROUNDS as f64)
+            };
+            let free = body.with_free_bones();
+            let mut lengths = Vec::new();
+            for (index, subject) in registrations.subjects.iter().enumerate() {
+                tell(0, index)?;
+                let start = people[index].take().map(|person| freed(person, &body));
+                let person = Person::of(&free, &read(registrations, &subject.frames)?, start);
+                lengths.push(free.lengths(&person.frames[0].bones));
+                people[index] = Some(person);
+            }
+            let modes = bone_modes(&lengths, &body.rest_lengths(), SHARE, MODES);
+            explained = modes.explained.iter().take(modes.basis.len()).sum();
+            body.set_modes(modes.mean, modes.basis);
+            let plain = BlsmBody { shape_basis: Vec::new(), ..body.clone() };
+            for (index, (subject, person)) in registrations.subjects.iter().zip(people.iter_mut().flatten()).enumerate()
+            {
+                tell(1, index)?;
+                person.frames.iter_mut().for_each(|frame| frame.bones.clone_from(&modes.coefficients[index]));
+                let own = BlsmBody { template: person.flesh.clone(), ..plain.clone() };
+                person.refit(&own, &read(registrations, &subject.frames)?);
+            }
+            let flesh: Vec<&Vec<DVec3>> = people.iter().flatten().map(|person| &person.flesh).collect();
+            let shapes = body.learn_flesh(&flesh, &modes.coefficients, self.shapes);
+            if !self.keep_weights {
+                body.weights = weights(&body, &grown, registrations, &people)?;
+            }
+            coefficients = modes.coefficients.into_iter().zip(shapes).map(|(bones, shape)| [bones, shape]).collect();
+            distances.push(distance(&body, registrations, &people, &coefficients)?);
+        }
+        Ok(TrainedBlsm { body, people: coefficients, explained, distances })
+    }
+}
+
+/// Weights (V) by what each joint alone would do to people's flesh.
+fn weights(
+    body: &BlsmBody,
+    grown: &Grown,
+    registrations: &Registrations,
+    people: &[Option<Person>],
+) -> Result<Vec<WeightRow>> {
+    let mut moments = WeightMoments::new(grown);
+    let plain = BlsmBody { shape_basis: Vec::new(), ..body.clone() };
+    for (subject, person) in registrations.subjects.iter().zip(people.iter().flatten()) {
+        for (path, parameters) in subject.frames.iter().zip(&person.frames) {
+            let skeleton = plain.posed(parameters).skeleton;
+            let moved = |vertex: usize, joint: usize| skeleton.moved(joint, person.flesh[vertex]);
+            moments.add(&registrations.read(path)?, moved);
+        }
+    }
+    Ok(moments.solve())
+}
+
+/// The mean distance of a vertex of the registrations from the body in its people's coefficients.
+fn distance(
+    body: &BlsmBody,
+    registrations: &Registrations,
+    people: &[Option<Person>],
+    coefficients: &[[Vec<f64>; 2]],
+) -> Result<f64> {
+    let fit = BlsmFit::new(body, 0.0);
+    let mut sum = 0.0;
+    for ((subject, person), [bones, shape]) in
+        registrations.subjects.iter().zip(people.iter().flatten()).zip(coefficients)
+    {
+        let frames = read(registrations, &subject.frames)?;
+        let of_frame = |(frame, own): (&Vec<DVec3>, &BlsmParameters)| {
+            fit.distance(&BlsmParameters { bones: bones.clone(), shape: shape.clone(), ..own.clone() }, frame)
+        };
+        sum += frames.iter().zip(&person.frames).map(of_frame).sum::<f64>();
+    }
+    Ok(sum / registrations.frames() as f64)
+}
+
+fn read(registrations: &Registrations, paths: &[std::path::PathBuf]) -> Result<Vec<Vec<DVec3>>> {
+    paths.par_iter().map(|path| registrations.read(path)).collect()
+}
+
+/// The same person, with the modes' bones as free ones.
+fn freed(mut person: Person, body: &BlsmBody) -> Person {
+    for frame in &mut person.frames {
+        let scales = body.scales(&frame.bones);
+        let free = scales[1..].iter().zip(&body.bone_mean[1..]).map(|(scale, mean)| (scale - mean) / FREE_BONE);
+        frame.bones = free.collect();
+    }
+    person
+}
+
+impl BlsmBody {
+    /// With the skeleton, weights and mean shape of a body, mean bones and no modes.
+    pub fn of(model: &BodyModel) -> Self {
+        let identity = Identity::of(model);
+        let skeleton = model.skeleton();
+        Self {
+            skeleton: ScaledSkeleton::of(&skeleton.joints, &skeleton.parents, &identity.joints),
+            atoms: Atoms::of(&skeleton.joints),
+            names: skeleton.joints.clone(),
+            template: identity.template,
+            faces: model.faces().to_vec(),
+            weights: weight_rows(model),
+            bone_mean: vec![1.0; skeleton.joints.len()],
+            bone_basis: Vec::new(),
+            bone_correctives: Vec::new(),
+            shape_basis: Vec::new(),
+        }
+    }
+
+    /// With a mode for every bone, and the same shapes.
+    fn with_free_bones(&self) -> Self {
+        let joints = self.names.len();
+        let mode = |bone: usize| {
+            let mut mode = vec![0.0; joints];
+            mode[bone] = FREE_BONE;
+            mode
+        };
+        Self {
+            bone_basis: (1..joints).map(mode).collect(),
+            bone_correctives: vec![vec![DVec3::ZERO; self.template.len()]; joints - 1],
+            ..self.clone()
+        }
+    }
+
+    /// The lengths of bones (J - 1) of coefficients.
+    fn lengths(&self, bones: &[f64]) -> Vec<f64> {
+        self.scales(bones)[1..].iter().zip(self.rest_lengths()).map(|(scale, length)| scale * length).collect()
+    }
+
+    fn rest_lengths(&self) -> Vec<f64> {
+        self.skeleton.offsets[1..].iter().map(|offset| offset.length()).collect()
+    }
+
+    /// Modes of bones (J - 1); correctives are unknown, so none.
+    fn set_modes(&mut self, mean: Vec<f64>, basis: Vec<Vec<f64>>) {
+        self.bone_mean = [vec![1.0], mean].concat();
+        self.bone_basis = basis.into_iter().map(|mode| [vec![0.0], mode].concat()).collect();
+        self.bone_correctives = vec![vec![DVec3::ZERO; self.template.len()]; self.bone_basis.len()];
+    }
+
+    /// Template, correctives and shapes of people's flesh (N, V) and bones (N, K); the coefficients of their shapes.
+    fn learn_flesh(&mut self, flesh: &[&Vec<DVec3>], bones: &[Vec<f64>], shapes: usize) -> Vec<Vec<f64>> {
+        let modes = self.bone_basis.len();
+        let design = DMatrix::from_fn(flesh.len(), modes + 1, |person, column| match column {
+            0 => 1.0,
+            mode => bones[person][mode - 1],
+        });
+        let mut normal = design.transpose() * &design;
+        (1..=modes).for_each(|mode| normal[(mode, mode)] += RIDGE);
+        let Some(factor) = normal.cholesky() else { return vec![Vec::new(); flesh.len()] };
+        let solved = factor.solve(&design.transpose());
+        let of_column = |column: usize| -> Vec<DVec3> {
+            let place =
+                |vertex: usize| flesh.iter().enumerate().map(|(at, of)| of[vertex] * solved[(column, at)]).sum();
+            (0..self.template.len()).into_par_iter().map(place).collect()
+        };
+        let (template, correctives) = (of_column(0), (1..=modes).map(of_column).collect::<Vec<_>>());
+        let left = |(flesh, bones): (&&Vec<DVec3>, &Vec<f64>)| {
+            let mut left: Vec<DVec3> = flesh.iter().zip(&template).map(|(place, mean)| *place - *mean).collect();
+            for (corrective, coefficient) in correctives.iter().zip(bones) {
+                left.iter_mut().zip(corrective).for_each(|(left, offset)| *left -= *offset * *coefficient);
+            }
+            Identity { template: left, joints: Vec::new() }
+        };
+        let residuals: Vec<Identity> = flesh.iter().zip(bones).map(left).collect();
+        let space = shapes_of(&residuals, shapes);
+        let mean = space.mean;
+        self.template = template.iter().zip(&mean).map(|(place, mean)| *place + *mean).collect();
+        (self.bone_correctives, self.shape_basis) = (correctives, space.directions);
+        space.coefficients
+    }
+}
