@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Kills training, resumes it, and compares the avatar that it ends with, byte for byte, with that of a run that was left alone.
-#   scripts/kill-test.sh [COUNT] [SEED]      COUNT kills at random moments [20]: some minutes
-#   scripts/kill-test.sh --each-call COUNT   kills at the first COUNT calls that change files, one after the other; needs strace
+#   scripts/kill-test.sh [COUNT] [SEED]      COUNT kills at random moments [20]; 200 take some minutes
+#   scripts/kill-test.sh --each-call COUNT [STEP]   kills at each of the first COUNT calls that change files, or at every STEP-th; needs strace
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -11,16 +11,16 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 "$xavatar" --quiet demo --smoke --write-data "$folder/data" > /dev/null
 
-# Small enough that a run takes seconds; with checkpoints and previews often enough that kills hit them.
+# Small enough that a run takes seconds; with checkpoints often enough that kills hit them.
 settings=(
     fields.geometry.width=16 fields.geometry.grid.log2_entries=10 fields.texture.width=16 fields.texture.grid.log2_entries=10
     fields.skinning.spacing=0.12 fields.skinning.fine_spacing=0.06
-    sampling.points=200 schedule.pretraining_steps=40 schedule.checkpoint_steps=3
+    sampling.points=200 schedule.pretraining_steps=9 schedule.checkpoint_steps=3
 )
 train() {
     local run=$1
     shift
-    "$@" "$xavatar" --quiet --threads 2 train "$folder/data" --body "$folder/data/body" --out "$run" --preset demo --steps 60 \
+    "$@" "$xavatar" --quiet --threads 2 train "$folder/data" --body "$folder/data/body" --out "$run" --preset demo --steps 12 \
         "${settings[@]/#/--set=}" ${resume:+--resume} > /dev/null 2> "$folder/said"
 }
 # A run that was killed before it had a configuration is started anew.
@@ -45,22 +45,32 @@ resume='' train "$folder/whole" || fail "the run that is left alone"
 duration=$(($(date +%s%3N) - begin))
 echo "a run that is left alone takes $duration ms"
 
+# How far a run is, by its files.
+reached() {
+    if [ -e "$1/avatar.safetensors" ]; then echo reporting
+    elif [ -e "$1/checkpoints" ]; then echo training
+    elif [ -e "$1/config.toml" ]; then echo preparing
+    else echo starting; fi
+}
+
 if [ "${1-}" = --each-call ]; then
-    calls=mkdir,rename,renameat2,unlink,write,ftruncate,fsync,fdatasync,flock
-    for ((call = 1; call <= $2; call++)); do
+    calls=mkdir,rename,renameat,renameat2,unlink,write,ftruncate,fsync,fdatasync,flock
+    kills=0
+    for ((call = 1; call <= $2; call += ${3-1})); do
         run=$folder/run
         rm -rf "$run"
         # strace ends as the program does that it starts.
-        go_on "$run" strace -f -qq -o "$folder/calls" -e trace="$calls" -e inject="$calls:signal=KILL:when=$call" || true
+        go_on "$run" strace -f -qq -o "$folder/calls" -e trace="$calls" -e inject="$calls:signal=KILL:when=$call" || kills=$((kills + 1))
         go_on "$run" || fail "resuming after a kill at call $call: $(tail -n 1 "$folder/calls")"
         compare "$run"
     done
-    echo "$2 kills, at each of the first calls: all runs resumed and identical"
+    echo "$kills kills, each at another call up to number $2: all runs resumed and identical"
     exit
 fi
 
 count=${1-20}
 RANDOM=${2-1}
+declare -A killed
 kills=0 finished=0 run=$folder/run-0
 while ((kills < count)); do
     # In the background the function's variables are the function's own.
@@ -68,13 +78,20 @@ while ((kills < count)); do
     child=$!
     moment=$((RANDOM * duration / 32768))
     sleep "$((moment / 1000)).$(printf %03d $((moment % 1000)))"
-    if kill -KILL "$child" 2> /dev/null; then kills=$((kills + 1)); fi
-    wait "$child" 2> /dev/null || true
+    if kill -KILL "$child" 2> /dev/null; then
+        kills=$((kills + 1)) phase=$(reached "$run")
+        killed[$phase]=$((${killed[$phase]-0} + 1))
+        wait "$child" 2> /dev/null || true
+    else
+        wait "$child" || fail "resuming $run after $kills kills"
+    fi
     if [ -e "$run/report.html" ]; then
         compare "$run"
+        rm -rf "$run"
         finished=$((finished + 1)) run=$folder/run-$((finished + 1))
     fi
 done
 go_on "$run" || fail "resuming $run at the end"
 compare "$run"
-echo "$kills kills, $((finished + 1)) runs finished: all resumed and identical"
+echo "$kills kills ($(for phase in "${!killed[@]}"; do printf '%s %s ' "${killed[$phase]}" "$phase"; done)), $((finished + 1)) runs finished:" \
+    "all resumed and identical"

@@ -33,20 +33,28 @@ pub struct Failure {
     pub bytes: Vec<u8>,
 }
 
-/// Tries the inputs that failed before, the seeds, and mutations number `first` to `first + inputs` of the seeds.
+/// Tries the inputs that failed before, and the seeds.
 ///
 /// # Errors
 /// The first input over which the reader panics.
-pub fn drive(target: &Target, seed: u64, first: u64, inputs: u64) -> Result<Tally, Failure> {
+pub fn drive_known(target: &Target, seeds: &[Vec<u8>]) -> Result<Tally, Failure> {
     let mut tally = Tally::default();
-    let seeds = (target.seeds)();
-    for known in found_before(target.name).into_iter().chain(seeds.clone()) {
-        try_one(target, &known, &mut tally).map_err(|()| Failure { index: None, bytes: known })?;
+    for known in found_before(target.name).iter().chain(seeds) {
+        try_one(target, known, &mut tally).map_err(|()| Failure { index: None, bytes: known.clone() })?;
     }
+    Ok(tally)
+}
+
+/// Tries mutations number `first` to `first + inputs` of the seeds.
+///
+/// # Errors
+/// The first input over which the reader panics.
+pub fn drive(target: &Target, seeds: &[Vec<u8>], seed: u64, first: u64, inputs: u64) -> Result<Tally, Failure> {
+    let mut tally = Tally::default();
     for index in first..first + inputs {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(index);
-        let bytes = mutated(&seeds, &mut random);
+        let bytes = mutated(seeds, &mut random);
         try_one(target, &bytes, &mut tally).map_err(|()| Failure { index: Some(index), bytes })?;
     }
     Ok(tally)

@@ -9,6 +9,6 @@ mod drive;
 mod mutation;
 mod targets;
 
-pub use drive::{Failure, Tally, drive, found_before};
+pub use drive::{Failure, Tally, drive, drive_known, found_before};
 pub use mutation::mutated;
 pub use targets::{TARGETS, Target, run};

@@ -70,6 +70,14 @@ impl Topology {
     pub fn euler_characteristic(&self) -> isize {
         self.vertices as isize - self.edges as isize + self.faces as isize
     }
+
+    /// The handles of all components together, their genus: 0 for spheres, 1 for a torus. None for a surface that is not watertight, or
+    /// that touches itself in a vertex.
+    #[must_use]
+    pub fn handles(&self) -> Option<usize> {
+        let doubled = 2 * self.components as isize - self.euler_characteristic();
+        (self.is_watertight() && doubled % 2 == 0).then(|| usize::try_from(doubled / 2).ok()).flatten()
+    }
 }
 
 impl TriangleMesh {
@@ -149,9 +157,11 @@ mod tests {
         let before = Topology::of(&torn);
         assert_eq!((before.components, before.open_edges), (4, 12));
         assert!(!before.is_watertight());
+        assert_eq!(before.handles(), None);
         let merged = Topology::of(&torn.merged_by_position());
         assert!(merged.is_watertight());
         assert_eq!((merged.components, merged.vertices, merged.euler_characteristic()), (1, 4, 2));
+        assert_eq!(merged.handles(), Some(0));
     }
 
     #[test]

@@ -21,10 +21,10 @@ pub const SPLITS: [(&str, Split); 2] = [("train", Split::Train), ("test", Split:
 ///
 /// ``avatar`` is an ``xavatar.Avatar``, its file or its run's folder; ``data`` and ``body`` are as in ``train``. ``split``: ``"test"`` or
 /// ``"train"``. ``resolution``: cells along the longest side of the box around the body. ``baseline``: whether the body with the mean
-/// offset of each vertex is measured too. ``regions``: whether each region of the body is. ``callback`` is called with an
-/// ``xavatar.Event`` for every frame. Ctrl-C stops after the frame.
+/// offset of each vertex is measured too. ``regions``: whether each region of the body is; ``pictures``: whether
+/// pictures are compared. ``callback`` is called with an ``xavatar.Event`` for every frame. Ctrl-C stops after the frame.
 #[pyfunction]
-#[pyo3(signature = (avatar, data, body, *, split = "test", resolution = 512, baseline = false, regions = false, callback = None))]
+#[pyo3(signature = (avatar, data, body, *, split = "test", resolution = 512, baseline = false, regions = false, pictures = false, callback = None))]
 #[allow(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn evaluate<'py>(
     py: Python<'py>,
@@ -35,6 +35,7 @@ pub fn evaluate<'py>(
     resolution: usize,
     baseline: bool,
     regions: bool,
+    pictures: bool,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let split = one_of("split", split, &SPLITS)?;
@@ -59,6 +60,7 @@ pub fn evaluate<'py>(
             labels: &body.labels,
             baseline: baseline.as_ref(),
             regions,
+            pictures,
             samples: Evaluation::SAMPLES,
             seed: 0,
         };

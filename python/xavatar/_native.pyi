@@ -158,6 +158,7 @@ def evaluate(
     resolution: int = 512,
     baseline: bool = False,
     regions: bool = False,
+    pictures: bool = False,
     callback: _Callback = None,
 ) -> dict[str, Any]: ...
 def register(

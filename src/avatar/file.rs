@@ -74,8 +74,8 @@ impl Avatar {
                 remedy: "train it again, or use the program that wrote it".into(),
             }));
         }
-        let config =
-            Config::parse(file.text(path, "config")?).map_err(|error| malformed(path, "config", error.to_string()))?;
+        let config = Config::written(file.text(path, "config")?)
+            .map_err(|error| malformed(path, "config", error.to_string()))?;
         let subject = subject(file.text(path, "subject")?, version, path)?;
         let (skeleton, condition) = (&subject.skeleton, subject.condition());
         let fields = Fields::read(&file, path, &config.fields, skeleton, &condition, subject.bounds)?;

@@ -36,11 +36,18 @@ impl Manifest {
     /// [`InputError::Malformed`] naming the line or the subject: unknown or missing keys, two subjects of one name, none at all; those of
     /// [`Config::preset_with`](crate::config::Config::preset_with) for settings.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = read_text(path)?;
+        Self::parse(path, &read_text(path)?)
+    }
+
+    /// As [`read`](Self::read), of the text of the file at `path`.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn parse(path: &Path, text: &str) -> Result<Self> {
         let is_csv = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"));
         let (mut shared, subjects) = match is_csv {
-            true => (Table::new(), tables_of_csv(path, &text)?),
-            false => tables_of_toml(path, &text)?,
+            true => (Table::new(), tables_of_csv(path, text)?),
+            false => tables_of_toml(path, text)?,
         };
         let folder = path.parent().unwrap_or(Path::new(""));
         let out = match shared.remove("out") {

@@ -104,14 +104,21 @@ impl Config {
     /// # Errors
     /// [`InputError::Io`] or [`InputError::Malformed`], naming the file.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = read_text(path)?;
-        let config = Self::parse(&text).map_err(|error| malformed(path, &error))?;
+        Self::parse(path, &read_text(path)?)
+    }
+
+    /// As [`read`](Self::read), of the text of the file at `path`.
+    ///
+    /// # Errors
+    /// [`InputError::Malformed`], naming the file; [`InputError::Value`] for a value out of range.
+    pub fn parse(path: &Path, text: &str) -> Result<Self> {
+        let config = Self::written(text).map_err(|error| malformed(path, &error))?;
         config.check()?;
         Ok(config)
     }
 
     /// The configuration that a run or an avatar was written with, by this version or one before.
-    pub(crate) fn parse(text: &str) -> std::result::Result<Self, toml::de::Error> {
+    pub(crate) fn written(text: &str) -> std::result::Result<Self, toml::de::Error> {
         let refused: toml::de::Error = match toml::from_str(text) {
             Ok(config) => return Ok(config),
             Err(error) => error,
@@ -219,8 +226,8 @@ mod tests {
             text.replace(&header, &format!("{header}{key} = 5\n"))
         };
         let before = RETIRED.into_iter().fold(written.clone(), with_retired);
-        assert_eq!(Config::parse(&before).unwrap(), config);
-        assert!(Config::parse(&written.replace("[losses]\n", "[losses]\nfree_speech = 1.0\n")).is_err());
+        assert_eq!(Config::written(&before).unwrap(), config);
+        assert!(Config::written(&written.replace("[losses]\n", "[losses]\nfree_speech = 1.0\n")).is_err());
     }
 
     #[test]

@@ -4,11 +4,13 @@
 
 mod metrics;
 mod overlap;
+mod pictures;
 mod regions;
 mod report;
 mod smplx_d;
 
 pub use metrics::{FrameMetrics, PartMetrics, Parts, compare};
+pub use pictures::{Likeness, Pictures, compare_pictures};
 pub use regions::{RegionMetrics, Regions, RegisteredRegions, compare_regions};
 pub use report::{FrameReport, Report};
 pub(crate) use report::{region_name, row_name};
@@ -32,6 +34,8 @@ pub struct Evaluation<'a> {
     pub baseline: Option<&'a SmplxD<'a>>,
     /// Whether each region of the body is measured too.
     pub regions: bool,
+    /// Whether looks are measured too.
+    pub pictures: bool,
     /// Points drawn on each surface and in each box; [`Evaluation::SAMPLES`] is enough for 1 % of the chamfer distance.
     pub samples: usize,
     /// Of the points.
@@ -99,6 +103,11 @@ impl Evaluation<'_> {
             compare_regions(&predicted, &frame.scan, &registered, self.samples, &mut random())
         };
         let regions = regions.map(by_region).transpose()?;
-        Ok(FrameReport { frame: frame.id.to_string(), metrics: compare(&predicted)?, baseline, regions })
+        let about = (self.body.skeleton(), self.labels);
+        let pictures = match self.pictures {
+            true => compare_pictures(&predicted, &frame.scan, &registration, about, &posed)?,
+            false => None,
+        };
+        Ok(FrameReport { frame: frame.id.to_string(), metrics: compare(&predicted)?, baseline, regions, pictures })
     }
 }

@@ -7,6 +7,7 @@ use std::fmt;
 use serde::ser::{Serialize, Serializer};
 
 use super::metrics::{FrameMetrics, PartMetrics, Parts};
+use super::pictures::{Likeness, Pictures};
 use super::regions::{RegionMetrics, Regions};
 use super::smplx_d::SMPLX_D;
 use crate::body::{Region, Role};
@@ -22,13 +23,16 @@ pub struct FrameReport {
     pub baseline: Option<FrameMetrics>,
     /// Of the prediction by region, if they were asked for.
     pub regions: Option<Regions>,
+    /// How like the prediction looks, if that was asked for and both meshes have colours.
+    pub pictures: Option<Pictures>,
 }
 
 /// The metrics of all frames. `Display` prints the table; serde writes
 /// `{"frames", "mean": {"all", "hands", "face"}, "baseline": {…}, "per_frame": [{"frame", "all", "hands", "face"}]}`, where a part
 /// is `null` if no frame had it and absent if the skeleton has none such, `baseline` is absent if none was asked for, and
 /// `"missing": {"all", "hands", "face"}` counts the frames without a part if there are any. `"regions": {"feet", ..., "off_body"}`,
-/// of the mean and in each frame, is there if it was asked for; a region that neither surface has is absent.
+/// of the mean and in each frame, is there if it was asked for; a region that neither surface has is absent. So is `"pictures": {"all",
+/// "hands", "face"}`, with `psnr_db` and `ssim`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
     /// Frame by frame, in the order of evaluation.
@@ -51,6 +55,17 @@ impl Report {
     pub fn region_means(&self) -> Option<Regions> {
         let frames = || self.per_frame.iter().filter_map(|frame| frame.regions.as_ref());
         frames().next().is_some().then(|| RegionMetrics::means(frames()))
+    }
+
+    /// The mean likeness of each part over the frames that have it; none if no frame has one.
+    pub fn picture_means(&self) -> Option<Pictures> {
+        let frames = || self.per_frame.iter().filter_map(|frame| frame.pictures.as_ref());
+        let first = frames().next()?;
+        let of_role = |role: Role| Likeness::mean(frames().filter_map(move |pictures| pictures.of(role)));
+        Some(Parts {
+            all: Likeness::mean(frames().filter_map(|pictures| pictures.all)),
+            by_role: first.by_role.keys().map(|role| (*role, of_role(*role))).collect(),
+        })
     }
 
     /// The frames with the smallest and the largest chamfer distance of the whole body; none if none has one.
@@ -123,6 +138,17 @@ impl PartMetrics {
     }
 }
 
+impl Likeness {
+    /// The mean of each value; none of nothing.
+    fn mean(of: impl Iterator<Item = Self> + Clone) -> Option<Self> {
+        let count = of.clone().count() as f64;
+        (count > 0.0).then(|| Self {
+            psnr_db: of.clone().map(|likeness| likeness.psnr_db).sum::<f64>() / count,
+            ssim: of.map(|likeness| likeness.ssim).sum::<f64>() / count,
+        })
+    }
+}
+
 impl fmt::Display for Report {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let frames = format!("{} frame{}", self.per_frame.len(), if self.per_frame.len() == 1 { "" } else { "s" });
@@ -151,6 +177,14 @@ impl fmt::Display for Report {
             let (name, percent) = (region_name(region), format!("{:.0} %", 100.0 * share));
             writeln!(formatter, "{name:<9} {percent:>6} {cd_mm:>8.2} {cd_max_mm:>10.2} {nc:>6.3} {0:>6} {0:>8}", "-")?;
         }
+        let Some(pictures) = self.picture_means() else { return Ok(()) };
+        writeln!(formatter, "{:<16} {:>8} {:>10} {3:>6} {3:>6} {3:>8}", "pictures", "PSNR dB", "SSIM", "")?;
+        let of_role = |(role, likeness): (&Role, &Option<Likeness>)| (row_name(*role), *likeness);
+        for (name, likeness) in std::iter::once(("All", pictures.all)).chain(pictures.by_role.iter().map(of_role)) {
+            if let Some(Likeness { psnr_db, ssim }) = likeness {
+                writeln!(formatter, "{name:<6} {:<9} {psnr_db:>8.2} {ssim:>10.3} {1:>6} {1:>6} {1:>8}", "avatar", "-")?;
+            }
+        }
         Ok(())
     }
 }
@@ -177,6 +211,8 @@ impl Serialize for Report {
             missing: Option<Parts<usize>>,
             #[serde(skip_serializing_if = "Option::is_none")]
             regions: Option<Regions>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pictures: Option<Pictures>,
             per_frame: Vec<Frame<'a>>,
         }
         #[derive(serde::Serialize)]
@@ -186,6 +222,8 @@ impl Serialize for Report {
             metrics: &'a FrameMetrics,
             #[serde(skip_serializing_if = "Option::is_none")]
             regions: Option<&'a Regions>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pictures: Option<&'a Pictures>,
         }
         let missing = self.missing();
         let is_missing = missing.all > 0 || missing.by_role.values().any(|count| *count > 0);
@@ -195,10 +233,16 @@ impl Serialize for Report {
             baseline: self.baseline_mean(),
             missing: is_missing.then_some(missing),
             regions: self.region_means(),
+            pictures: self.picture_means(),
             per_frame: self
                 .per_frame
                 .iter()
-                .map(|row| Frame { frame: &row.frame, metrics: &row.metrics, regions: row.regions.as_ref() })
+                .map(|row| Frame {
+                    frame: &row.frame,
+                    metrics: &row.metrics,
+                    regions: row.regions.as_ref(),
+                    pictures: row.pictures.as_ref(),
+                })
                 .collect(),
         }
         .serialize(serializer)
@@ -224,6 +268,7 @@ mod tests {
             metrics: parts(part(f64::from(number)), hands, None),
             baseline: baseline.clone(),
             regions: None,
+            pictures: None,
         };
         Report { per_frame: vec![frame(1, part(4.0)), frame(2, None), frame(3, part(6.0))] }
     }
@@ -267,8 +312,9 @@ mod tests {
     #[test]
     fn a_body_without_hands_and_face_has_no_rows_of_them() {
         let metrics = Parts { all: part(1.0), by_role: Default::default() };
-        let report =
-            Report { per_frame: vec![FrameReport { frame: "a".into(), metrics, baseline: None, regions: None }] };
+        let report = Report {
+            per_frame: vec![FrameReport { frame: "a".into(), metrics, baseline: None, regions: None, pictures: None }],
+        };
         assert_eq!(report.to_string().lines().count(), 2, "a head and one row\n{report}");
         let json = serde_json::to_value(&report).unwrap();
         assert_eq!(json["mean"].as_object().unwrap().keys().collect::<Vec<_>>(), ["all"]);
@@ -297,16 +343,31 @@ mod tests {
     }
 
     #[test]
+    fn looks_are_told_where_they_were_asked_for() {
+        let likeness = |psnr_db: f64| Some(Likeness { psnr_db, ssim: 0.5 });
+        let mut report = report(false);
+        assert!(serde_json::to_value(&report).unwrap().get("pictures").is_none());
+        report.per_frame[0].pictures = Some(parts(likeness(20.0), None, likeness(30.0)));
+        report.per_frame[2].pictures = Some(parts(likeness(24.0), likeness(10.0), None));
+        assert_eq!(report.picture_means(), Some(parts(likeness(22.0), likeness(10.0), likeness(30.0))));
+        let json = serde_json::to_value(&report).unwrap();
+        assert_eq!(json["pictures"]["all"]["psnr_db"], 22.0);
+        assert_eq!(json["per_frame"][2]["pictures"]["hands"]["ssim"], 0.5);
+        assert!(report.to_string().contains("22.00"), "{report}");
+    }
+
+    #[test]
     fn the_table_stands_in_columns() {
         let mut report = report(true);
+        report.per_frame[0].pictures = Some(parts(Some(Likeness { psnr_db: 20.0, ssim: 0.5 }), None, None));
         let region = RegionMetrics { cd_mm: 1.0, cd_max_mm: 9.0, nc: 0.5, share: 1.0 };
         report.per_frame[0].regions = Some([(Region::OffBody, region)].into());
         let table = report.to_string();
         let rows: Vec<&str> = table.lines().filter(|line| !line.contains("left out")).collect();
         assert_eq!(
             rows.len(),
-            8,
-            "a head, a row each for three parts of the avatar and the baseline, a region\n{table}"
+            10,
+            "a head, a row each for three parts of the avatar and the baseline, a region, a head and a row of pictures\n{table}"
         );
         assert!(rows.iter().all(|row| row.chars().count() == rows[0].chars().count()), "{table}");
         assert!(table.contains("not measurable in 1 of 3 frames"), "{table}");

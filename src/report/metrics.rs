@@ -205,6 +205,7 @@ mod tests {
             metrics: parts(part(1.0, 0.99), part(2.0, 0.98)),
             baseline: Some(parts(part(4.0, 0.96), part(3.0, 0.97))),
             regions: None,
+            pictures: None,
         };
         let report = Report { per_frame: vec![frame(7), frame(120)] };
         let table = MetricsTable::of(&report, "of the test split");

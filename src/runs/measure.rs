@@ -82,8 +82,15 @@ impl Run<'_> {
         let Yardstick { scans, resolution, .. } = *yardstick;
         let avatar = self.avatar()?;
         let animator = Animator::new(&avatar, body, labels)?;
-        let evaluation =
-            Evaluation { body, labels, baseline: None, regions: false, samples: Evaluation::SAMPLES, seed: 0 };
+        let evaluation = Evaluation {
+            body,
+            labels,
+            baseline: None,
+            regions: false,
+            pictures: false,
+            samples: Evaluation::SAMPLES,
+            seed: 0,
+        };
         let (mut done, total) = (0, scans.ids().len());
         let report = evaluation.run(
             (0..total).map(|index| scans.scan(index)),

@@ -135,6 +135,13 @@ impl Clip {
         }
         options.translation.apply(&mut frames);
         report.push(format!("translation: {}", options.translation));
+        if let Some(frame) = frames.iter().position(|frame| !is_finite(frame)) {
+            return Err(Error::Value {
+                name: format!("frame {} of the motion", frame + 1),
+                found: "numbers too large to place a body".into(),
+                expected: "metres and radians, or the source's units declared".into(),
+            });
+        }
         Ok(Self { frames, frames_per_second: wanted, report, warnings })
     }
 
@@ -155,6 +162,11 @@ impl Clip {
     pub fn seconds(&self) -> f32 {
         self.frames.len() as f32 / self.frames_per_second
     }
+}
+
+/// Whether root and joints are somewhere: finite numbers of a file can be beyond all numbers once they are scaled and turned.
+fn is_finite(frame: &smplx::Parameters) -> bool {
+    frame.transl.is_finite() && frame.before_hands().all(|turn| turn.0.is_finite())
 }
 
 /// Reads a hand's numbers in another convention than its source's.

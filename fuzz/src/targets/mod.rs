@@ -2,11 +2,14 @@
 
 mod arrays;
 mod avatars;
+mod bodies;
+mod folders;
 mod landmarks;
 mod meshes;
 mod motions;
 mod pictures;
 mod requests;
+mod settings;
 
 /// A reader of untrusted bytes.
 pub struct Target {
@@ -38,6 +41,13 @@ pub const TARGETS: &[Target] = &[
     Target { name: "bvh", read: motions::bvh, seeds: motions::bvh_seeds },
     Target { name: "avatar", read: avatars::avatar, seeds: avatars::avatar_seeds },
     Target { name: "avatar_texts", read: avatars::avatar_texts, seeds: avatars::avatar_texts_seeds },
+    Target { name: "body", read: bodies::body, seeds: bodies::body_seeds },
+    Target { name: "subject", read: folders::subject, seeds: folders::subject_seeds },
+    Target { name: "cameras", read: folders::cameras, seeds: folders::cameras_seeds },
+    Target { name: "rgbd_layout", read: folders::rgbd_layout, seeds: folders::rgbd_layout_seeds },
+    Target { name: "config", read: settings::config, seeds: settings::config_seeds },
+    Target { name: "manifest", read: settings::manifest, seeds: settings::manifest_seeds },
+    Target { name: "manifest_table", read: settings::manifest_table, seeds: settings::manifest_table_seeds },
     Target { name: "landmarks", read: landmarks::landmarks, seeds: landmarks::landmarks_seeds },
     Target { name: "network", read: landmarks::network, seeds: landmarks::network_seeds },
     Target { name: "request", read: requests::request, seeds: requests::request_seeds },

@@ -35,6 +35,9 @@ pub struct Eval {
     /// Tell feet, legs, torso, arms, head, hands, face and what is farther than 3 cm from the body apart
     #[arg(long)]
     regions: bool,
+    /// Compare pictures too, from four sides: PSNR and SSIM of the whole body, hands and face
+    #[arg(long)]
+    pictures: bool,
     /// Cells along the longest side of the box around the body; with 256, the cells themselves add to the error of face and hands
     #[arg(long, value_name = "R", default_value_t = 512, value_parser = crate::cli::options::meshes::resolution)]
     resolution: usize,
@@ -74,6 +77,7 @@ impl Eval {
             labels: &opened.labels,
             baseline: baseline.as_ref(),
             regions: self.regions,
+            pictures: self.pictures,
             samples: Evaluation::SAMPLES,
             seed: 0,
         };

@@ -7,7 +7,7 @@ use xavatar::body::{BodyModel, Part, PartLabelSource, PartLabels, Pose, PoseAxis
 use xavatar::data::{FrameId, ScanFrame};
 use xavatar::evaluate::{Evaluation, Report, SmplxD};
 use xavatar::formats::{Array, ArrayData, read_npz};
-use xavatar::mesh::{TriangleMesh, read_mesh};
+use xavatar::mesh::{Colouring, TriangleMesh, read_mesh};
 use xavatar::{Error, Result};
 
 /// Radius of the body, metres; the scan's is 0.02 more.
@@ -79,8 +79,15 @@ fn evaluate(predict: impl Fn(&ScanFrame, &Pose) -> Result<TriangleMesh>) -> Resu
     let body = body();
     let labels = labels(&ball(RADIUS));
     let baseline = SmplxD::fit(&body, (1..4).map(|number| Ok(frame(number)))).unwrap();
-    let evaluation =
-        Evaluation { body: &body, labels: &labels, baseline: Some(&baseline), regions: false, samples: 4000, seed: 3 };
+    let evaluation = Evaluation {
+        body: &body,
+        labels: &labels,
+        baseline: Some(&baseline),
+        regions: false,
+        pictures: false,
+        samples: 4000,
+        seed: 3,
+    };
     let mut shown = 0;
     let report = evaluation.run((6..8).map(|number| Ok(frame(number))), predict, |_| shown += 1)?;
     assert_eq!(shown, report.per_frame.len());
@@ -118,6 +125,34 @@ fn an_evaluation_repeats_exactly() {
     assert!(report.mean().all.unwrap().cd_mm < 1e-3, "the scan is its own best prediction");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
     assert_eq!(pool.install(|| evaluate(grown)).unwrap(), report, "whatever the number of threads");
+}
+
+#[test]
+fn pictures_tell_how_like_an_avatar_looks() {
+    let painted = |shade: u8| {
+        let mut frame = frame(2);
+        frame.scan.colouring = Colouring::Vertex(vec![[shade; 3]; frame.scan.vertices.len()]);
+        frame
+    };
+    let body = body();
+    let labels = labels(&ball(RADIUS));
+    let (body, labels) = (&body, &labels);
+    let evaluation =
+        Evaluation { body, labels, baseline: None, regions: false, pictures: true, samples: 1000, seed: 3 };
+    let against = |scan: ScanFrame, prediction: ScanFrame| {
+        evaluation.run([Ok(scan)], |_, _| Ok(prediction.scan.clone()), |_| ()).unwrap().picture_means()
+    };
+    let same = against(painted(100), painted(100)).unwrap();
+    let darker = against(painted(151), painted(100)).unwrap();
+    for (same, darker) in std::iter::once((same.all, darker.all))
+        .chain(same.by_role.values().copied().zip(darker.by_role.values().copied()))
+    {
+        let (same, darker) = (same.unwrap(), darker.unwrap());
+        assert!(same.psnr_db == 100.0 && same.ssim > 0.999, "{same:?}");
+        // A fifth of the range everywhere: -20 log10(.2).
+        assert!((darker.psnr_db - 13.98).abs() < 0.01 && darker.ssim < same.ssim, "{darker:?}");
+    }
+    assert_eq!(against(frame(2), painted(100)), None, "a scan without colours");
 }
 
 #[test]

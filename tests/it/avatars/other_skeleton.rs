@@ -93,8 +93,15 @@ fn a_toy_of_three_joints_trains_poses_exports_and_evaluates() {
     let unseen = Bending::new(&body, "test", &[[0.45, 0.1], [-0.2, 0.6], [-0.5, -0.2]]);
     let animator = Animator::new(&avatar, &body, &labels).unwrap();
     let baseline = SmplxD::fit(&body, unseen.iter()).unwrap();
-    let evaluation =
-        Evaluation { body: &body, labels: &labels, baseline: Some(&baseline), regions: false, samples: 4000, seed: 1 };
+    let evaluation = Evaluation {
+        body: &body,
+        labels: &labels,
+        baseline: Some(&baseline),
+        regions: false,
+        pictures: false,
+        samples: 4000,
+        seed: 1,
+    };
     let predict = |_: &ScanFrame, pose: &Pose| Ok(animator.extract(pose, RESOLUTION)?.mesh);
     let report = evaluation.run(unseen.iter(), predict, |_| {}).unwrap();
     let mean = report.mean();

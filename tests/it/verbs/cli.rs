@@ -98,7 +98,7 @@ fn an_avatar_is_measured_extracted_animated_and_described() {
     let extract = ["extract", run, "--resolution", "48", "--out", text(&canonical)];
     assert_outcome(&extract, 0, &["canonical.obj", "vertices"]);
     assert_outcome(&extract, 1, &["canonical.obj", "exists already"]);
-    assert_outcome(&["info", text(&canonical)], 0, &["mesh", "watertight"]);
+    assert_outcome(&["info", text(&canonical)], 0, &["mesh", "watertight", "1 parts, 0 handles"]);
 
     let posed = file("posed.ply");
     let take = PathBuf::from(data).join("test/Take2");

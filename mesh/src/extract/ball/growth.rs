@@ -17,15 +17,16 @@ pub(super) fn grow<Depth: Ord + Copy>(
     let neighbourhood: Vec<(isize, u32)> = (0..27).map(|bit| (grown.step(place(bit)), 1 << bit)).collect();
     let is_waiting = |grown: &Solid, index: usize| grown.inside[index] != to && wanted(index);
     let mut line: BinaryHeap<(Depth, Reverse<usize>)> = BinaryHeap::new();
+    // A point stands in line once: a second time would come right after the first, and change nothing.
+    let mut is_in_line = vec![false; grown.inside.len()];
     for index in 0..grown.inside.len() {
         if is_waiting(grown, index) && Solid::around(index, &around).any(|next| grown.inside[next] == to) {
+            is_in_line[index] = true;
             line.push((depth(index), Reverse(index)));
         }
     }
     while let Some((_, Reverse(index))) = line.pop() {
-        if !is_waiting(grown, index) {
-            continue;
-        }
+        is_in_line[index] = false;
         let is_inside = |(step, bit): &(isize, u32)| {
             if grown.inside[(index as isize + step) as usize] { *bit } else { 0 }
         };
@@ -34,7 +35,8 @@ pub(super) fn grow<Depth: Ord + Copy>(
         }
         grown.inside[index] = to;
         for next in Solid::around(index, &around) {
-            if is_waiting(grown, next) {
+            if !is_in_line[next] && is_waiting(grown, next) {
+                is_in_line[next] = true;
                 line.push((depth(next), Reverse(next)));
             }
         }

@@ -197,6 +197,7 @@ impl Demo {
             labels: subject.part_labels(),
             baseline: Some(&baseline),
             regions: false,
+            pictures: false,
             samples: size.samples,
             seed: 0,
         };

@@ -107,6 +107,8 @@ enum Content {
         watertight: bool,
         open_edges: usize,
         parts: usize,
+        /// None if it is not watertight.
+        handles: Option<usize>,
         notes: Vec<Note>,
     },
 }
@@ -231,6 +233,7 @@ fn of_mesh(path: &Path) -> Result<Content, InputError> {
         watertight: topology.is_watertight(),
         open_edges: topology.open_edges,
         parts: topology.components,
+        handles: topology.handles(),
         notes,
     })
 }
@@ -273,11 +276,12 @@ impl fmt::Display for Content {
             }
             Self::Array(array) => writeln!(formatter, "{}", array.description),
             Self::Pickle { holds } => writeln!(formatter, "pickled {holds}"),
-            Self::Mesh { vertices, faces, colours, mean_colour, watertight, open_edges, parts, notes } => {
+            Self::Mesh { vertices, faces, colours, mean_colour, watertight, open_edges, parts, handles, notes } => {
                 let watertight = if *watertight { "watertight" } else { "not watertight" };
                 let mean = mean_colour.map_or_else(String::new, |[r, g, b]| format!(", ({r}, {g}, {b}) on average"));
                 writeln!(formatter, "mesh: {vertices} vertices, {faces} faces, {colours}{mean}")?;
-                writeln!(formatter, "{watertight}; {open_edges} open edges, {parts} parts")?;
+                let handles = handles.map_or_else(String::new, |handles| format!(", {handles} handles"));
+                writeln!(formatter, "{watertight}; {open_edges} open edges, {parts} parts{handles}")?;
                 notes.iter().try_for_each(|note| writeln!(formatter, "warning: {note}"))
             }
         }

@@ -1,0 +1,5 @@
+//! `manifest_table` guided by coverage.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| xavatar_fuzz::run("manifest_table", bytes));
