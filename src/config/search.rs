@@ -38,7 +38,8 @@ pub enum SearchedField {
 pub enum Assignment {
     /// The one that the geometry field itself prefers (thesis).
     Field,
-    /// The one deepest in the canonical body: a hand beside a thigh cannot grow a second hand onto the thigh.
+    /// The one deepest in the canonical body, or nearest to what is worn: a hand beside a thigh cannot grow a second hand onto the thigh. Of a
+    /// point drawn on the registered body, the one at its own place.
     Body,
 }
 
