@@ -2,7 +2,7 @@
 //!
 //! D_i = median over frames of n_i . (q - v_i), q the scan's nearest to v_i + D_i n_i, of matches that are near, face the same way and miss the normal by
 //! little; smoothed over neighbours of the same part. Skin is where the body is, so that hands and face say how large
-//! people are. Metres.
+//! people are; what stands far off a face is hair or a beard. Metres.
 
 use std::sync::Arc;
 
@@ -19,6 +19,8 @@ use crate::target::IndexedTarget;
 const ASSUMED: f64 = 0.008;
 /// Cloth is no thinner and no thicker.
 const THICKNESS: [f64; 2] = [-0.005, 0.06];
+/// What stands farther off a face is hair, not skin.
+const HAIR: f64 = 0.004;
 /// Matches count that miss the normal by less.
 const MISS: f64 = 0.02;
 /// Matches count that are nearer.
@@ -94,8 +96,7 @@ impl Clothing {
             let (sum, weights) = known
                 .fold((0.0, 0.0), |(sum, weights), (other, weight)| (sum + weight * raw[*other], weights + weight));
             let smooth = if weights > 0.0 { sum / weights } else { 0.0 };
-            let is_cloth = *role == Role::Body && !self.bare;
-            self.thickness[vertex] = if is_cloth { smooth.clamp(THICKNESS[0], THICKNESS[1]) } else { 0.0 };
+            self.thickness[vertex] = worn(*role, smooth, self.bare);
         }
         Ok(())
     }
@@ -112,8 +113,17 @@ impl Clothing {
     }
 }
 
+/// What is worn over a vertex that the scan stands off by this distance.
+fn worn(role: Role, distance: f64, bare: bool) -> f64 {
+    match role {
+        Role::Body if !bare => distance.clamp(THICKNESS[0], THICKNESS[1]),
+        Role::Face if distance > HAIR => distance.min(THICKNESS[1]),
+        _ => 0.0,
+    }
+}
+
 /// The value below which a share of ascending values is, linearly between them.
-fn quantile(ascending: &[f64], share: f64) -> f64 {
+pub(super) fn quantile(ascending: &[f64], share: f64) -> f64 {
     let place = share * (ascending.len() - 1) as f64;
     let (low, high) = (place.floor() as usize, place.ceil() as usize);
     ascending[low] + (ascending[high] - ascending[low]) * (place - place.floor())
@@ -130,5 +140,18 @@ impl Fitter<'_> {
         let scale = nearest.get(NEIGHBOURS / 2).map_or(1.0, |(_, distance)| distance.max(1e-9));
         let same_part = nearest.into_iter().filter(|(other, _)| surface.parts[*other] == surface.parts[vertex]);
         same_part.map(|(other, distance)| (other, (-(distance / scale).powi(2)).exp())).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faces_wear_hair_and_hands_nothing() {
+        assert_eq!(worn(Role::Body, 0.012, false), 0.012);
+        assert_eq!([worn(Role::Body, 0.012, true), worn(Role::Hands, 0.012, false)], [0.0, 0.0]);
+        assert_eq!([worn(Role::Face, 0.012, false), worn(Role::Face, 0.012, true)], [0.012, 0.012]);
+        assert_eq!([worn(Role::Face, 0.003, false), worn(Role::Face, -0.02, false)], [0.0, 0.0]);
     }
 }
