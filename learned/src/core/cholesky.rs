@@ -85,8 +85,7 @@ impl Factor {
                 let sum: f64 = own[first..column].iter().zip(&other[first..column]).map(|(one, also)| one * also).sum();
                 let left = own[column] - sum;
                 let value = if column < row { left / other[column] } else { left.sqrt() };
-                // A comparison that a number that is none fails.
-                if column == row && !(value > 0.0) {
+                if column == row && (value <= 0.0 || value.is_nan()) {
                     return None;
                 }
                 self.rows[row * self.count + column] = value;
