@@ -106,16 +106,13 @@ impl<'a> People<'a> {
             };
             rows.push((beside(STEP)? - beside(-STEP)?) / (2.0 * STEP));
         }
-        let product = |one: fn(&DVec2) -> f64, other: fn(&DVec2) -> f64| {
-            rows.iter().map(|row| one(row) * other(row)).sum::<f64>()
-        };
-        let (tall, heavy): (fn(&DVec2) -> f64, fn(&DVec2) -> f64) = (|row| row.x, |row| row.y);
+        let sum = |of: fn(&DVec2) -> f64| rows.iter().map(of).sum::<f64>();
         // What is not asked for has no row: a one keeps the matrix invertible.
         let diagonal = |asked: bool, sum: f64| if asked { sum } else { 1.0 };
-        let across = product(tall, heavy);
+        let across = sum(|row| row.x * row.y);
         let normal = DMat2::from_cols(
-            DVec2::new(diagonal(wanted.height.is_some(), product(tall, tall)), across),
-            DVec2::new(across, diagonal(wanted.weight.is_some(), product(heavy, heavy))),
+            DVec2::new(diagonal(wanted.height.is_some(), sum(|row| row.x * row.x)), across),
+            DVec2::new(across, diagonal(wanted.weight.is_some(), sum(|row| row.y * row.y))),
         );
         let share = normal.inverse() * missing;
         if share.is_finite() {
