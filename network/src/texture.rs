@@ -30,6 +30,13 @@ pub struct TextureShape {
     /// Whether the field sees the deformed normal (thesis), or the canonical point alone.
     #[serde(default = "sees_normal")]
     pub normal: bool,
+    /// Whether the field sees the geometry's last hidden activations (thesis).
+    #[serde(default = "sees_features")]
+    pub features: bool,
+}
+
+fn sees_features() -> bool {
+    true
 }
 
 fn sees_normal() -> bool {
@@ -44,7 +51,7 @@ pub struct TextureField<T> {
 }
 
 impl<T: Real> TextureField<T> {
-    /// A field that sees `embedded` condition entries and `features` geometry activations, all parameters zero. A grid fills `bounds`.
+    /// A field that sees `embedded` condition entries and, if it sees any, `features` geometry activations, all parameters zero. A grid fills `bounds`.
     ///
     /// # Errors
     /// [`crate::Error::Shape`] names the extent that is out of range.
@@ -54,7 +61,7 @@ impl<T: Real> TextureField<T> {
             encoding: EncodingShape::of(shape.grid, bounds, shape.frequencies),
             condition: 0,
             embedded,
-            row_condition: features,
+            row_condition: if shape.features { features } else { 0 },
             depth: shape.depth,
             width: shape.width,
             skip: shape.skip,
@@ -66,6 +73,11 @@ impl<T: Real> TextureField<T> {
     /// Whether its input is a point with the deformed normal there, not the point alone.
     pub fn sees_normals(&self) -> bool {
         self.mlp.shape().inputs == 6
+    }
+
+    /// What it is given of the geometry's activations (R, features): all or none.
+    pub fn seen<'a>(&self, features: &'a [T]) -> &'a [T] {
+        if self.mlp.shape().row_condition == 0 { &[] } else { features }
     }
 
     /// Draws the parameters as PyTorch's `Linear` does.

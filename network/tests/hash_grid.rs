@@ -227,7 +227,8 @@ fn sparse_steps_are_dense_steps_where_the_gradient_is_not_zero() {
     }
 }
 
-// A fresh geometry field with a grid and without a condition is still close to a sphere; a texture field may go without a normal.
+// A fresh geometry field with a grid and without a condition is still close to a sphere; a texture field may go without normals and
+// the geometry's features.
 #[test]
 fn fields_start_with_a_grid_and_without_condition() {
     let mut random = ChaCha8Rng::seed_from_u64(4);
@@ -239,8 +240,19 @@ fn fields_start_with_a_grid_and_without_condition() {
     field.mlp.forward(&mut trace, &[0.0, 0.1, 0.0, 0.0, 1.9, 0.3, -1.9, 0.0, 0.0], &[], &[]);
     let values = trace.output();
     assert!(values[0] < 0.0 && values[1] > 0.0 && values[2] > 0.0, "{values:?}");
-    let shape = TextureShape { depth: 1, width: 8, frequencies: 0, skip: None, grid: Some(GRID), normal: false };
-    assert_eq!(TextureField::<f32>::new(&shape, 0, 64, BOUNDS).unwrap().mlp.shape().inputs, 3);
+    let shape = TextureShape {
+        depth: 1,
+        width: 8,
+        frequencies: 0,
+        skip: None,
+        grid: Some(GRID),
+        normal: false,
+        features: true,
+    };
+    let texture = TextureField::<f32>::new(&shape, 0, 64, BOUNDS).unwrap();
+    assert_eq!((texture.mlp.shape().inputs, texture.seen(&[0.5; 128])), (3, &[0.5; 128][..]));
+    let alone = TextureField::<f32>::new(&TextureShape { features: false, ..shape }, 0, 64, BOUNDS).unwrap();
+    assert_eq!((alone.mlp.shape().row_condition, alone.seen(&[0.5; 128])), (0, &[][..]));
 }
 
 // Points far outside, infinite or not a number have a finite encoding's table behind them: no entry outside the table is read.

@@ -212,6 +212,7 @@ impl Networks {
             skip: texture.skip.map(|(layer, _)| layer),
             grid: None,
             normal: true,
+            features: true,
         };
         config.fields.skinning = SkinningSettings::Network(SkinningShape {
             depth: skinning.depth,

@@ -111,7 +111,8 @@ impl<'a> FieldEvaluator<'a> {
             true => points.iter().zip(&normals).flat_map(|(point, normal)| [*point, *normal]).flatten().collect(),
             false => points.as_flattened().to_vec(),
         };
-        fields.texture.mlp.forward(texture, &inputs, &self.embedded, geometry.features(&fields.geometry.mlp));
+        let features = fields.texture.seen(geometry.features(&fields.geometry.mlp));
+        fields.texture.mlp.forward(texture, &inputs, &self.embedded, features);
         let mut colours = vec![0.0; 3 * points.len()];
         TextureField::colours(texture.output(), &mut colours);
         for ((shade, normal), colour) in shades.iter_mut().zip(normals).zip(colours.as_chunks::<3>().0) {

@@ -61,6 +61,7 @@ fn check_extents(
         Some(grid) => Ok::<_, Error>(grid.entries(&bounds)?.saturating_mul(grid.features)),
         None => Ok(0),
     };
+    let seen = if texture.features { geometry.width } else { 0 };
     let hidden = |depth: usize, width: usize| width.saturating_mul(width).saturating_mul(depth.saturating_sub(1));
     let skinning = match skinning {
         SkinningSettings::Network(shape) => hidden(shape.depth, shape.width),
@@ -72,7 +73,7 @@ fn check_extents(
         ("the embedding of a pose", geometry.embedded.saturating_mul(condition.width().saturating_add(geometry.width))),
         ("the texture field's layers", hidden(texture.depth, texture.width)),
         ("the texture field's grid", table(&texture.grid)?),
-        ("the texture field's input", texture.width.saturating_mul(geometry.embedded.saturating_add(geometry.width))),
+        ("the texture field's input", texture.width.saturating_mul(geometry.embedded.saturating_add(seen))),
         ("the skinning field's layers", skinning),
     ];
     match claims.into_iter().find(|(_, claimed)| *claimed > stored) {

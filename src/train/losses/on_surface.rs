@@ -112,7 +112,7 @@ fn colour<T: Real>(worker: &mut Worker<T>, frame: &Frame<T>, points: &[[T; 3]], 
         }
     }
     buffers.features.clear();
-    buffers.features.extend_from_slice(geometry.features(&frame.fields.geometry.mlp));
+    buffers.features.extend_from_slice(frame.fields.texture.seen(geometry.features(&frame.fields.geometry.mlp)));
     network.forward(texture, &buffers.texture_points, frame.embedded, &buffers.features);
     clear(&mut buffers.colours, 3 * points.len(), T::zero());
     TextureField::colours(texture.output(), &mut buffers.colours);

@@ -68,7 +68,15 @@ fn gradients_match_differences() {
     let settings = FieldSettings {
         representation: Representation::SignedDistance,
         geometry: GeometryShape { depth: 3, width: 32, frequencies: 2, skip: Some(2), embedded: 3, grid: None },
-        texture: TextureShape { depth: 2, width: 40, frequencies: 1, skip: Some(1), grid: None, normal: true },
+        texture: TextureShape {
+            depth: 2,
+            width: 40,
+            frequencies: 1,
+            skip: Some(1),
+            grid: None,
+            normal: true,
+            features: true,
+        },
         skinning: SkinningSettings::Network(skinning.clone()),
         condition_dropout: 0.0,
     };

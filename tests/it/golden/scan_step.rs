@@ -46,7 +46,15 @@ fn losses_and_gradients_match() {
     let settings = FieldSettings {
         representation: Representation::Occupancy,
         geometry: GeometryShape { depth: 8, width: 48, frequencies: 4, skip: Some(4), embedded: 16, grid: None },
-        texture: TextureShape { depth: 8, width: 72, frequencies: 4, skip: Some(4), grid: None, normal: true },
+        texture: TextureShape {
+            depth: 8,
+            width: 72,
+            frequencies: 4,
+            skip: Some(4),
+            grid: None,
+            normal: true,
+            features: true,
+        },
         skinning: SkinningSettings::Network(skinning.clone()),
         condition_dropout: 0.0,
     };

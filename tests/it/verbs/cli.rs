@@ -345,6 +345,16 @@ fn completions_know_every_verb() {
 }
 
 #[test]
+fn the_built_in_subject_is_written_with_as_many_frames_as_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("mannequin");
+    assert_outcome(&["demo", "--write-data", text(&data), "--frames", "3"], 0, &["xavatar check"]);
+    let scans = |take: &str| std::fs::read_dir(data.join(take).join("meshes_ply")).unwrap().count();
+    assert_eq!((scans("train/Take1"), scans("test/Take2")), (3, 1));
+    assert_outcome(&["demo", "--frames", "3"], 2, &["--write-data"]);
+}
+
+#[test]
 fn nothing_is_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("mine.txt"), "mine").unwrap();

@@ -44,6 +44,9 @@ pub struct Demo {
     /// Only write the subject as a data set, to try the other verbs on: scans in DIR, the body model in DIR/body
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "json"])]
     write_data: Option<PathBuf>,
+    /// How many frames that data set has to train on; there are a fifth as many to measure on
+    #[arg(long, value_name = "N", requires = "write_data", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    frames: Option<u32>,
     #[command(flatten)]
     json: JsonArgument,
 }
@@ -96,7 +99,11 @@ impl Demo {
     pub fn run(self) -> anyhow::Result<Outcome> {
         let size = if self.smoke { &SMOKE } else { &FULL };
         if let Some(folder) = &self.write_data {
-            return write_data(folder, size);
+            let frames = match self.frames.map(|frames| frames as usize) {
+                Some(frames) => (frames, frames.div_ceil(5)),
+                None => (size.training_frames, size.unseen_frames),
+            };
+            return write_data(folder, frames);
         }
         self.json.check()?;
         let resumes = self.resumes()?;
@@ -241,9 +248,9 @@ impl Demo {
 }
 
 /// Writes the subject so that the other verbs can be tried on it.
-fn write_data(folder: &Path, size: &Size) -> anyhow::Result<Outcome> {
+fn write_data(folder: &Path, (training, unseen): (usize, usize)) -> anyhow::Result<Outcome> {
     files::new_folder(folder, "give a new one")?;
-    BuiltInSubject::new()?.write_data(folder, size.training_frames, size.unseen_frames)?;
+    BuiltInSubject::new()?.write_data(folder, training, unseen)?;
     let body = folder.join(BuiltInSubject::BODY_FOLDER);
     let (data, body) = (folder.display(), body.display());
     files::print(&format!("{data}\n"))?;
