@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Kills training, resumes it, and compares the avatar that it ends with, byte for byte, with that of a run that was left alone.
 #   scripts/kill-test.sh [COUNT] [SEED]      COUNT kills at random moments [20]; 200 take some minutes
-#   scripts/kill-test.sh --each-call COUNT [STEP]   kills at each of the first COUNT calls that change files, or at every STEP-th; needs strace
+#   scripts/kill-test.sh --each-call COUNT WRITES [STEP]   kills at each of the first COUNT calls that make, rename, sync, lock or remove files, and
+#                                                          at every STEP-th [1] of the first WRITES writes; needs strace
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -54,17 +55,21 @@ reached() {
 }
 
 if [ "${1-}" = --each-call ]; then
-    calls=mkdir,rename,renameat,renameat2,unlink,write,ftruncate,fsync,fdatasync,flock
     kills=0
-    for ((call = 1; call <= $2; call += ${3-1})); do
-        run=$folder/run
-        rm -rf "$run"
-        # strace ends as the program does that it starts.
-        go_on "$run" strace -f -qq -o "$folder/calls" -e trace="$calls" -e inject="$calls:signal=KILL:when=$call" || kills=$((kills + 1))
-        go_on "$run" || fail "resuming after a kill at call $call: $(tail -n 1 "$folder/calls")"
-        compare "$run"
-    done
-    echo "$kills kills, each at another call up to number $2: all runs resumed and identical"
+    # CALLS COUNT STEP
+    kill_at_each() {
+        local call run=$folder/run
+        for ((call = 1; call <= $2; call += $3)); do
+            rm -rf "$run"
+            # strace ends as the program does that it starts.
+            go_on "$run" strace -f -qq -o "$folder/calls" -e trace="$1" -e inject="$1:signal=KILL:when=$call" || kills=$((kills + 1))
+            go_on "$run" || fail "resuming after a kill at call $call of $1: $(tail -n 1 "$folder/calls")"
+            compare "$run"
+        done
+    }
+    kill_at_each mkdir,rename,renameat,renameat2,unlink,ftruncate,fsync,fdatasync,flock "$2" 1
+    kill_at_each write "$3" "${4-1}"
+    echo "$kills kills, at each of $2 calls and at every ${4-1}. of $3 writes: all runs resumed and identical"
     exit
 fi
 

@@ -106,6 +106,14 @@ impl SurfaceMap {
         self.corners.par_iter().flat_map_iter(row).collect()
     }
 
+    /// W times points or offsets, one a vertex (N).
+    pub fn points(&self, values: &[DVec3]) -> Vec<DVec3> {
+        let row = |(corners, coordinates): &([usize; 3], [f64; 3])| {
+            (0..3).map(|corner| values[corners[corner]] * coordinates[corner]).sum()
+        };
+        self.corners.par_iter().map(row).collect()
+    }
+
     /// The vertex nearest to each point, by its coordinates (N).
     fn nearest_vertices(&self) -> impl Iterator<Item = usize> {
         self.corners.iter().map(|(corners, coordinates)| {

@@ -8,6 +8,7 @@ mod bake;
 mod correctives;
 mod engine;
 mod expressions;
+mod face_units;
 mod fewer_faces;
 mod glb;
 mod ground;
@@ -23,6 +24,7 @@ mod usd;
 
 pub use bake::{Baked, TextureReport, bake_texture};
 pub use engine::{BoneAxis, Engine};
+pub use face_units::{FaceUnitErrors, FaceUnitReport};
 pub use fewer_faces::{FewerFaces, with_fewer_faces};
 pub use glb::write_glb;
 pub use ground::{ground_mesh, ground_motion};

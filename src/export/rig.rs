@@ -33,7 +33,7 @@ pub struct RiggedMesh {
     pub skin_joints: Vec<u8>,
     /// How strongly (V, K); each row sums to 1.
     pub skin_weights: Vec<f32>,
-    /// Morph targets (M): expressions first, then the clip's correctives.
+    /// Morph targets (M): expressions first, then the clip's correctives, then facial actions.
     pub morphs: Vec<Morph>,
     /// The animation.
     pub animation: Animation,
@@ -63,7 +63,7 @@ pub struct Joint {
 /// A shape that is added to the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Morph {
-    /// `expression_0` and on for the body model's expression coefficients, `corrective_0` and on for the clip's.
+    /// `expression_0` and on for the body model's expression coefficients, `corrective_0` and on for the clip's; facial actions by ARKit's names.
     pub name: String,
     /// What a weight of 1 adds to each vertex in the bind pose (V), metres.
     pub offsets: Vec<Vec3>,

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use super::connection::{Connection, Step};
 use super::http::{Request, Response, Status};
 use super::origin::Names;
-use super::waiting::{Displaced, Waiting};
+use super::waiting::Waiting;
 use crate::{Error, InputError, Result};
 
 /// Connections at a time.
@@ -169,8 +169,8 @@ struct Service<'a> {
     connections: BTreeMap<Token, Connection>,
     next_token: Token,
     waiting: Waiting<Token>,
-    /// Whose long answer is being made.
-    under_way: Option<Token>,
+    /// Whose long answer is being made, and since when.
+    under_way: Option<(Token, Instant)>,
     orders: SyncSender<(Token, Request)>,
     is_stopping: bool,
 }
@@ -195,8 +195,11 @@ impl Service<'_> {
         match event {
             Event::Connected(stream) => self.welcome(stream),
             Event::Answered(token, response) => {
-                self.under_way = None;
+                if let Some((_, begin)) = self.under_way.take() {
+                    self.waiting.note_duration(begin.elapsed());
+                }
                 self.respond(token, &response, true);
+                self.turn_away();
             }
             Event::Stopped => {
                 self.is_stopping = true;
@@ -260,12 +263,17 @@ impl Service<'_> {
         if !self.answers.takes_long(&request) {
             return self.respond(token, &answer(self.answers, &request), with_body);
         }
-        if let Some((displaced, why)) = self.waiting.put(token, request) {
-            let text = match why {
-                Displaced::ByNewer => "a newer request of this client took its place",
-                Displaced::ByOthers => "busy: try again in a moment",
-            };
-            self.respond(displaced, &Response::text(Status::ServiceUnavailable, text), true);
+        if let Some(older) = self.waiting.put(token, request) {
+            let text = "a newer request of this client took its place";
+            self.respond(older, &Response::text(Status::ServiceUnavailable, text), true);
+        }
+        self.turn_away();
+    }
+
+    /// Tells those at once whom the line is too long for.
+    fn turn_away(&mut self) {
+        while let Some(token) = self.waiting.take_surplus() {
+            self.respond(token, &Response::text(Status::ServiceUnavailable, "busy: try again in a moment"), true);
         }
     }
 
@@ -276,7 +284,7 @@ impl Service<'_> {
             if self.connections.get_mut(&token).is_none_or(Connection::is_gone) {
                 self.connections.remove(&token);
             } else if self.orders.send((token, request)).is_ok() {
-                self.under_way = Some(token);
+                self.under_way = Some((token, Instant::now()));
             }
         }
     }

@@ -197,8 +197,7 @@ fn actions_and_sides() -> impl Iterator<Item = (&'static str, &'static [&'static
     TWO_SIDED.map(|name| (name, &["Left", "Right"][..])).into_iter().chain(ONE_SIDED.map(|name| (name, &[""][..])))
 }
 
-/// The names of the files of all facial actions.
-#[cfg(test)]
+/// The names of the files of all facial actions, ARKit's own.
 pub(super) fn action_files() -> impl Iterator<Item = String> {
     actions_and_sides().flat_map(|(name, sides)| sides.iter().map(move |side| format!("{name}{side}")))
 }

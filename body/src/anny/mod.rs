@@ -11,6 +11,7 @@
 
 mod base_mesh;
 mod directions;
+mod face_units;
 mod hands;
 mod joints;
 mod labels;
@@ -36,6 +37,7 @@ use self::t_pose::TPose;
 use crate::smplx;
 use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result};
 
+pub use self::face_units::face_units;
 pub use self::measures::Measures;
 pub use self::phenotype::Phenotype;
 

