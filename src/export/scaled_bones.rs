@@ -90,8 +90,9 @@ mod tests {
         assert!(rigged.joints.iter().any(|joint| (joint.scale - 1.0).abs() > 0.01));
         for (index, frame) in frames.iter().enumerate() {
             let expected = body.posed(frame).vertices;
-            let farthest = rigged.posed(index).iter().zip(expected);
-            let farthest = farthest.map(|(found, expected)| found.as_dvec3().distance(expected)).fold(0.0, f64::max);
+            let found = rigged.posed(index);
+            let distances = found.iter().zip(expected).map(|(found, expected)| found.as_dvec3().distance(expected));
+            let farthest = distances.fold(0.0, f64::max);
             assert!(farthest < 1e-5, "{index}: {farthest}");
         }
         let still = RiggedMesh::of_scaled_bones(&body, &[], 30.0);

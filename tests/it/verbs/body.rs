@@ -412,6 +412,7 @@ fn a_body_with_bones_and_flesh_apart_is_trained_fitted_and_posed() {
     assert_outcome(&[&dance[..], &[text(&moves)]].concat(), 0, &["72 frames"]);
     let pose = ["body", "pose", text(&blsm), text(&moves), "--frame", "72", "--out", text(&last)];
     assert_outcome(&pose, 0, &["144 vertices"]);
-    let plain = ["body", "retarget", "dance", "--to", text(&start), "--out", text(&at("plain.glb"))];
+    let plain = at("plain.glb");
+    let plain = ["body", "retarget", "dance", "--to", text(&start), "--out", text(&plain)];
     assert_outcome(&plain, 2, &["are for bodies of `xavatar body train --kind blsm`"]);
 }
