@@ -22,7 +22,7 @@ pub use check::{
 };
 pub use motion::{
     Clip, Coordinates, HandConvention, Motion, MotionOptions, PosedClip, RestPose, Translation, UpAxis, Warning,
-    read_motion, write_motion,
+    onto_legs, read_motion, write_motion,
 };
 pub use notes::FrameNotes;
 pub use placement::{Origin, ScanPlacement};

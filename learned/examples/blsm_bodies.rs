@@ -1,20 +1,18 @@
 //! What keeping bones and flesh apart is worth on made-up people whose bones differ in three known modes, as a table.
 //!
 //! `cargo run --release -p xavatar-learned --example blsm_bodies -- BODY.npz [PEOPLE] [POSES]` trains on PEOPLE people in POSES poses each with 2 mm of noise,
-//! beside a body of the same skeleton, weights and number of coefficients whose shapes are principal components of whole people; both are measured
-//! on a quarter as many others. Then it fits 40 people from nothing.
+//! beside SMPL's way on the same skeleton, weights and number of coefficients, whose shapes are principal components of whole people; both are
+//! measured on a quarter as many others. Then it fits 40 people from nothing.
 
 use std::path::PathBuf;
 use std::time::Instant;
 
 use glam::DVec3;
-use xavatar_body::{BodyModel, Coefficients, Gender};
+use xavatar_body::{BodyModel, Gender};
 use xavatar_formats::{Error, Result};
-use xavatar_learned::blsm::{BlsmBody, BlsmFit, BlsmPopulation, BlsmTraining, Free};
-use xavatar_learned::core::Family;
+use xavatar_learned::blsm::{BlsmBody, BlsmFit, BlsmPopulation, BlsmTraining, Free, whole_bodies};
 use xavatar_learned::evaluation::evaluate;
 use xavatar_learned::registrations::Registrations;
-use xavatar_learned::sparse::{Kind, Training};
 
 fn main() -> Result<()> {
     let mut arguments = std::env::args().skip(1);
@@ -51,10 +49,8 @@ fn main() -> Result<()> {
     let coefficients = body.bone_basis.len() + body.shape_basis.len();
     println!("| body | coefficients | other people and poses, mm |\n|---|---|---|");
     println!("| bones and flesh apart | {coefficients} | {:.2} |", 1e3 * mean(&distances));
-    let plain = Training { family: Family::Supr, kind: Kind::Plain, weights: true };
-    let plain = plain.train(&start, &known, |_| Ok(()))?;
-    let plain = BodyModel::from_arrays_with(&file, &plain.arrays, Coefficients::All)?;
-    for at in evaluate(&plain, &others, &[coefficients], None, |_| Ok(()))?.shapes {
+    let whole = whole_bodies(&start, &known, coefficients)?;
+    for at in evaluate(&whole, &others, &[], None, |_| Ok(()))?.shapes {
         println!("| whole people's principal components | {} | {:.2} |", at.coefficients, at.mean_mm);
     }
     let exact = BlsmFit::new(&truth, 0.0);

@@ -1,5 +1,7 @@
 //! Connected parts of a mesh. Vertices at the same position are one, so a scan's texture seams do not tear it apart.
 
+use glam::{DVec3, Vec3};
+
 use super::{Colouring, TriangleMesh};
 
 /// Which part each face belongs to.
@@ -46,7 +48,7 @@ fn root_of(parent: &mut [u32], mut vertex: u32) -> u32 {
     vertex
 }
 
-/// One connected part of a mesh.
+/// One connected part of a mesh, perhaps with pockets in it.
 #[derive(Clone, Debug, Default)]
 pub struct Component {
     /// The part alone; its vertices keep their order.
@@ -57,20 +59,60 @@ pub struct Component {
     pub others: usize,
 }
 
+/// A closed part whose faces look inward: a hollow in another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pocket {
+    /// What it encloses, positive, in the mesh's unit cubed.
+    pub volume: f64,
+    /// The mean of its faces' middles by area.
+    pub centre: Vec3,
+}
+
 /// The connected part with the largest area.
 #[must_use]
 pub fn largest_component(mesh: &TriangleMesh) -> Component {
+    largest_with_pockets(mesh, |_| false)
+}
+
+/// The connected part with the largest area, and those pockets that `is_kept`.
+#[must_use]
+pub fn largest_with_pockets(mesh: &TriangleMesh, is_kept: impl Fn(Pocket) -> bool) -> Component {
     let FaceComponents { of_face, count } = face_components(&mesh.merged_by_position());
-    let mut areas = vec![0.0; count];
+    let mut parts = vec![Part::default(); count];
     for (face, &part) in of_face.iter().enumerate() {
-        areas[part as usize] += mesh.face_area(face as u32);
+        parts[part as usize].add(mesh.corners(face as u32), mesh.face_area(face as u32));
     }
-    let largest = (0..count).reduce(|best, part| if areas[part] > areas[best] { part } else { best });
+    let largest = (0..count).reduce(|best, part| if parts[part].area > parts[best].area { part } else { best });
     let Some(largest) = largest else { return Component::default() };
-    let faces: Vec<[u32; 3]> =
-        mesh.faces.iter().zip(&of_face).filter(|&(_, &part)| part as usize == largest).map(|(&face, _)| face).collect();
-    let (mesh, vertices) = with_faces(mesh, faces);
-    Component { mesh, vertices, others: count - 1 }
+    let kept: Vec<bool> =
+        (0..count).map(|part| part == largest || parts[part].pocket().is_some_and(&is_kept)).collect();
+    let faces = mesh.faces.iter().zip(&of_face).filter(|&(_, &part)| kept[part as usize]).map(|(&face, _)| face);
+    let (mesh, vertices) = with_faces(mesh, faces.collect());
+    Component { mesh, vertices, others: kept.iter().filter(|kept| !**kept).count() }
+}
+
+/// What the faces of a part add up to.
+#[derive(Clone, Default)]
+struct Part {
+    area: f64,
+    /// Signed, six times.
+    volume: f64,
+    /// Of the faces' middles, times their areas.
+    centre: DVec3,
+}
+
+impl Part {
+    fn add(&mut self, corners: [Vec3; 3], area: f64) {
+        let [a, b, c] = corners.map(Vec3::as_dvec3);
+        self.area += area;
+        self.volume += a.dot(b.cross(c));
+        self.centre += (a + b + c) / 3.0 * area;
+    }
+
+    fn pocket(&self) -> Option<Pocket> {
+        let centre = (self.centre / self.area).as_vec3();
+        (self.volume < 0.0).then_some(Pocket { volume: -self.volume / 6.0, centre })
+    }
 }
 
 /// The mesh with these faces only and the vertices they use, and which those are.
@@ -101,7 +143,6 @@ pub(super) fn with_faces(mesh: &TriangleMesh, mut faces: Vec<[u32; 3]>) -> (Tria
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
 
     #[test]
     fn the_largest_part_by_area_keeps_its_colours_and_the_rest_is_counted() {
@@ -122,6 +163,46 @@ mod tests {
         assert_eq!(largest.vertices, mesh.vertices[4..]);
         assert_eq!(vertices, [4, 5, 6, 7, 8, 9]);
         assert!(matches!(largest.colouring, Colouring::Vertex(c) if c[0] == [4, 0, 0] && c[5] == [9, 0, 0]));
+    }
+
+    /// The faces of a cube look outward.
+    fn cube(middle: Vec3, half: f32) -> TriangleMesh {
+        let vertices = (0..8).map(|corner| {
+            let side = |bit: u32| if corner >> bit & 1 == 1 { half } else { -half };
+            middle + Vec3::new(side(0), side(1), side(2))
+        });
+        let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let faces = quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+        TriangleMesh { vertices: vertices.collect(), faces, ..TriangleMesh::default() }
+    }
+
+    #[test]
+    fn pockets_are_kept_as_asked_and_crumbs_are_not() {
+        let mut mesh = cube(Vec3::ZERO, 1.0);
+        assert!((mesh.volume() - 8.0).abs() < 1e-6);
+        let mut add = |part: TriangleMesh, is_hollow: bool| {
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend(part.vertices);
+            mesh.faces.extend(part.faces.iter().map(|[a, b, c]| {
+                let [b, c] = if is_hollow { [c, b] } else { [b, c] };
+                [a + first, b + first, c + first]
+            }));
+        };
+        add(cube(Vec3::X * 0.5, 0.25), true);
+        add(cube(Vec3::NEG_X * 0.5, 0.1), true);
+        add(cube(Vec3::X * 3.0, 0.25), false);
+        let seen = std::cell::RefCell::new(Vec::new());
+        let found = largest_with_pockets(&mesh, |pocket| {
+            seen.borrow_mut().push(pocket);
+            pocket.volume > 0.1
+        });
+        assert_eq!((found.others, found.mesh.faces.len()), (2, 24));
+        assert!((found.mesh.volume() - (8.0 - 0.125)).abs() < 1e-5);
+        let seen = seen.into_inner();
+        assert!(
+            seen.len() == 2 && (seen[0].volume - 0.125).abs() < 1e-6 && seen[0].centre.distance(Vec3::X * 0.5) < 1e-6
+        );
+        assert_eq!(largest_component(&mesh).mesh.faces.len(), 12);
     }
 
     #[test]

@@ -33,7 +33,7 @@ use glam::{Vec2, Vec3};
 use image::RgbImage;
 
 pub use closest::{ClosestPoint, SurfaceIndex};
-pub use components::{Component, largest_component};
+pub use components::{Component, Pocket, largest_component, largest_with_pockets};
 pub use decimate::{Decimated, decimated};
 pub use extract::{ExtractedSurface, ExtractionError, ExtractionGrid, FINEST_RESOLUTION, Sign, extract, extract_ball};
 pub use notes::{Loss, Note};

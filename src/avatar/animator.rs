@@ -13,13 +13,16 @@ use rayon::prelude::*;
 use super::{Avatar, Extraction, paint};
 use crate::body::{BodyModel, PartLabels, Pose, Registration};
 use crate::fields::{Correspondence, FieldPose, Fields, PosedField, Poser};
-use crate::mesh::{Component, ExtractedSurface, extract, largest_component};
+use crate::mesh::{Component, ExtractedSurface, Pocket, SolidIndex, TriangleMesh, extract, largest_with_pockets};
 use crate::{Error, Result};
 
 /// Points farther than this from the registered body are outside without a search, metres.
 const REACH: f32 = 0.25;
 /// Two neighbours' canonical points are on one sheet of the body if they are less than this many lattice edges apart.
 const SHEET: f32 = 4.0;
+
+/// A pocket of air is kept if it encloses more than this, m^3: smaller ones lie between folds of skin.
+const POCKET: f64 = 2e-6;
 
 /// An avatar with all that its poses share: the body model, the sampled skinning weights, the search's starts.
 pub struct Animator<'a> {
@@ -74,7 +77,8 @@ impl<'a> Animator<'a> {
             extract(&|points, values| queries.values(points, values), self.avatar.grid(minimum, maximum, resolution));
         let roots = queries.finish()?;
         let ExtractedSurface { mesh, edges } = extracted?;
-        let Component { mut mesh, vertices, others } = largest_component(&mesh);
+        let body = self.body.mesh(vertices);
+        let Component { mut mesh, vertices, others } = largest_with_pockets(&mesh, |pocket| is_worn(pocket, &body));
         let canonical: Vec<[f32; 3]> = mesh
             .vertices
             .iter()
@@ -86,6 +90,11 @@ impl<'a> Animator<'a> {
         mesh.vertices.iter_mut().for_each(|vertex| *vertex += pose.translation);
         Ok(Extraction { mesh, dropped_components: others })
     }
+}
+
+/// Whether a pocket is enclosed by what the body wears: between face and hair, in a hood. Inside the body there is no air.
+fn is_worn(Pocket { volume, centre }: Pocket, body: &TriangleMesh) -> bool {
+    volume > POCKET && SolidIndex::new(body).is_ok_and(|body| !body.is_inside(centre))
 }
 
 /// Canonical points by deformed point, bit for bit.

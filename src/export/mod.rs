@@ -17,6 +17,7 @@ mod reference;
 mod report;
 mod rig;
 mod rigging;
+mod scaled_bones;
 mod skeleton;
 mod unwrap;
 mod usd;

@@ -12,7 +12,7 @@ use crate::mesh::TriangleMesh;
 ///
 /// ```text
 /// q     = p + sum_m a_tm d_m                                the morphs, weights a_tm = animation.morph_weights[t * M + m]
-/// G_j   = G_parent(j) [R_tj | l_j],  G_0 = [R_t0 | s_t]     R: animation.rotations[t], l_j: joints[j].translation,
+/// G_j   = G_parent(j) [c_j R_tj | l_j],  G_0 = [R_t0 | s_t] R: animation.rotations[t], l_j, c_j: joints[j].translation, .scale
 ///                                                           s: animation.root_translations[t]
 /// x     = sum_k w_k (G_b(k) joints[b(k)].inverse_bind) q    b: skin_joints, w: skin_weights of the vertex
 /// ```
@@ -52,6 +52,8 @@ pub struct Joint {
     pub parent: Option<usize>,
     /// Where it is in its parent's frame (the root: in the world), metres; the same in every pose.
     pub translation: Vec3,
+    /// How large what follows it is beside what follows its parent; 1 but for bodies whose bones have sizes of their own.
+    pub scale: f32,
     /// Its local rotation in the bind pose.
     pub rotation: Quat,
     /// World -> joint in the bind pose.
@@ -131,11 +133,15 @@ pub(super) fn skinning_transforms(joints: &[Joint], rotations: &[Quat], root: Ve
     let mut placed: Vec<Affine3A> = Vec::with_capacity(joints.len());
     for (joint, rotation) in joints.iter().zip(rotations) {
         placed.push(match joint.parent {
-            None => Affine3A::from_rotation_translation(*rotation, root),
-            Some(parent) => placed[parent] * Affine3A::from_rotation_translation(*rotation, joint.translation),
+            None => sized(joint, *rotation, root),
+            Some(parent) => placed[parent] * sized(joint, *rotation, joint.translation),
         });
     }
     placed.iter().zip(joints).map(|(placed, joint)| *placed * joint.inverse_bind).collect()
+}
+
+fn sized(joint: &Joint, rotation: Quat, place: Vec3) -> Affine3A {
+    Affine3A::from_scale_rotation_translation(Vec3::splat(joint.scale), rotation, place)
 }
 
 /// Adds the `morphs` (M), each times its weight, to `vertices` (V).

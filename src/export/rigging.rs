@@ -217,7 +217,7 @@ impl Morph {
 }
 
 impl Animation {
-    fn new(frames_per_second: f32) -> Self {
+    pub(super) fn new(frames_per_second: f32) -> Self {
         Self {
             name: "motion".into(),
             frames_per_second,

@@ -24,6 +24,7 @@ pub(super) fn joints(skeleton: &Skeleton, canonical: &[Vec3]) -> Vec<Joint> {
             part: parts[joint].index(),
             parent,
             translation: above.inverse() * offset,
+            scale: 1.0,
             rotation: rotations[joint],
             inverse_bind: Affine3A::from_rotation_translation(turn, canonical[joint]).inverse(),
         }

@@ -13,6 +13,7 @@ mod detect;
 mod folder;
 mod frames;
 mod grab;
+mod legs;
 mod own;
 mod parameters;
 mod posed;
@@ -28,6 +29,7 @@ use xavatar_formats::{Choice, Result};
 
 pub use clip::{Clip, MotionOptions};
 pub use conventions::{Coordinates, HandConvention, Translation, UpAxis};
+pub use legs::onto_legs;
 pub use own::write_motion;
 pub(crate) use parameters::{read_named, recognised as has_named};
 pub use posed::PosedClip;

@@ -24,7 +24,7 @@ pub struct BlsmBody {
     pub bone_mean: Vec<f64>,
     /// Modes of them (K, J), of unit variance; the root's are 0.
     pub bone_basis: Vec<Vec<f64>>,
-    /// What flesh does with each mode (K, V).
+    /// What flesh does with each mode (K, V); an empty one does nothing.
     pub bone_correctives: Vec<Vec<DVec3>>,
     /// Shapes of the flesh (S, V), of unit variance.
     pub shape_basis: Vec<Vec<DVec3>>,
@@ -114,14 +114,18 @@ impl BlsmBody {
 
     /// The body with some of its vertices alone.
     pub fn chosen(&self, vertices: &[usize]) -> Self {
-        let chosen = |points: &Vec<DVec3>| vertices.iter().map(|vertex| points[*vertex]).collect::<Vec<DVec3>>();
+        let chosen = |points: &Vec<DVec3>| vertices.iter().filter_map(|vertex| points.get(*vertex)).copied().collect();
         Self {
             template: chosen(&self.template),
             faces: Vec::new(),
             weights: vertices.iter().map(|vertex| self.weights[*vertex].clone()).collect(),
             bone_correctives: self.bone_correctives.iter().map(chosen).collect(),
             shape_basis: self.shape_basis.iter().map(chosen).collect(),
-            ..self.clone()
+            names: self.names.clone(),
+            skeleton: self.skeleton.clone(),
+            atoms: self.atoms.clone(),
+            bone_mean: self.bone_mean.clone(),
+            bone_basis: self.bone_basis.clone(),
         }
     }
 }

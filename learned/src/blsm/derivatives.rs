@@ -1,4 +1,4 @@
-//! Exact derivatives of a posed body, forward a row at a time and in reverse.
+//! Exact derivatives of a posed body, forward a vertex at a time and in reverse.
 //!
 //! The root's turn is differentiated by a small turn w from the left, exp(hat(w)) R. A turn w of joint j moves what is below it by w x (y - P_j),
 //! so in reverse a joint's pull is the torque of all forces below it: forces and torques are summed once up the tree, and atoms, bones and the root
@@ -76,8 +76,10 @@ impl BlsmParameters {
 }
 
 impl BlsmBody {
-    /// The derivatives by all columns of a vertex, each a vector, written to `row`.
-    pub fn row(&self, parameters: &BlsmParameters, posed: &PosedBlsm, vertex: usize, row: &mut [DVec3]) {
+    /// The derivatives of a vertex by the columns that it depends on, ascending, by atoms' angles in place of their coordinates; `entries` is
+    /// emptied first.
+    pub fn entries(&self, posed: &PosedBlsm, vertex: usize, entries: &mut Vec<(usize, DVec3)>) {
+        entries.clear();
         let columns = Columns::of(self);
         let PosedBlsm { skeleton, shaped, axes, .. } = posed;
         let joints = skeleton.turns.len();
@@ -93,35 +95,28 @@ impl BlsmBody {
             by_bone[self.skeleton.matter[*joint]] += turn * (shaped[vertex] - skeleton.rest[*joint]);
             linear += turn * skeleton.sizes[*joint];
         }
-        DVec3::AXES.into_iter().enumerate().for_each(|(axis, along)| row[axis] = along);
+        entries.extend(DVec3::AXES.into_iter().enumerate());
         let arm = |joint: usize| places[joint] - skeleton.places[joint] * weights[joint];
-        DVec3::AXES.into_iter().enumerate().for_each(|(axis, along)| row[3 + axis] = along.cross(arm(0)));
-        for ((atom, axis), (x, column)) in
-            self.atoms.list.iter().zip(axes).zip(parameters.atoms.iter().zip(columns.atoms()))
-        {
-            row[column] = axis.cross(arm(atom.joint)) * atom.slope(*x);
-        }
+        entries.extend(DVec3::AXES.into_iter().enumerate().map(|(axis, along)| (3 + axis, along.cross(arm(0)))));
+        let turned = self.atoms.list.iter().zip(axes).zip(columns.atoms());
+        let turned = turned.filter(|((atom, _), _)| weights[atom.joint] != 0.0);
+        entries.extend(turned.map(|((atom, axis), column)| (column, axis.cross(arm(atom.joint)))));
         for (joint, parent) in self.skeleton.parents.iter().enumerate() {
-            if let Some(parent) = parent {
-                by_bone[joint] += skeleton.turns[*parent] * self.skeleton.offsets[joint] * weights[joint];
+            if let Some(parent) = parent.filter(|_| weights[joint] != 0.0) {
+                by_bone[joint] += skeleton.turns[parent] * self.skeleton.offsets[joint] * weights[joint];
             }
         }
+        let by_bone: Vec<(usize, DVec3)> =
+            by_bone.into_iter().enumerate().filter(|(_, moved)| *moved != DVec3::ZERO).collect();
         for ((mode, flesh), column) in self.bone_basis.iter().zip(&self.bone_correctives).zip(columns.bones()) {
-            let of_scales: DVec3 = mode.iter().zip(&by_bone).map(|(entry, moved)| *moved * *entry).sum();
-            row[column] = of_scales + linear * flesh[vertex];
+            let of_scales: DVec3 = by_bone.iter().map(|(bone, moved)| *moved * mode[*bone]).sum();
+            let of_flesh = flesh.get(vertex).map_or(DVec3::ZERO, |offset| linear * *offset);
+            if of_scales + of_flesh != DVec3::ZERO {
+                entries.push((column, of_scales + of_flesh));
+            }
         }
-        for (flesh, column) in self.shape_basis.iter().zip(columns.shape()) {
-            row[column] = linear * flesh[vertex];
-        }
-    }
-
-    /// As [`row`](Self::row), with the atoms' angles in place of their coordinates.
-    pub fn row_by_angles(&self, parameters: &BlsmParameters, posed: &PosedBlsm, vertex: usize, row: &mut [DVec3]) {
-        self.row(parameters, posed, vertex, row);
-        let columns = Columns::of(self).atoms();
-        for ((atom, x), column) in self.atoms.list.iter().zip(&parameters.atoms).zip(columns) {
-            row[column] /= atom.slope(*x);
-        }
+        let shapes = self.shape_basis.iter().zip(columns.shape());
+        entries.extend(shapes.map(|(flesh, column)| (column, linear * flesh[vertex])));
     }
 
     /// The derivative by all columns of a function whose derivatives by the vertices (V) and the joints (J) are known.
@@ -264,20 +259,25 @@ pub(crate) mod tests {
         }
     }
 
-    // v(p + h e_i) - v(p - h e_i) = 2 h row_i + O(h^3)
+    // v(p + h e_i) - v(p - h e_i) = 2 h row_i + O(h^3), atoms by their angles.
     #[test]
-    fn rows_are_those_of_finite_differences() {
+    fn entries_are_those_of_finite_differences() {
         const STEP: f64 = 1e-5;
         let (body, golden) = reference_body();
         let parameters = parameters(&golden, 1, "");
         let (posed, columns) = (body.posed(&parameters), Columns::of(&body));
         let mut rows = vec![vec![DVec3::ZERO; columns.count()]; 96];
-        rows.iter_mut().enumerate().for_each(|(vertex, row)| body.row(&parameters, &posed, vertex, row));
+        let mut entries = Vec::new();
+        for (vertex, row) in rows.iter_mut().enumerate() {
+            body.entries(&posed, vertex, &mut entries);
+            assert!(entries.is_sorted_by_key(|(column, _)| *column));
+            entries.iter().for_each(|(column, entry)| row[*column] = *entry);
+        }
         for column in 0..columns.count() {
             let moved = |size: f64| {
                 let mut step = vec![0.0; columns.count()];
                 step[column] = size;
-                body.posed(&parameters.moved(columns, &step)).vertices
+                body.posed(&parameters.turned(&body.atoms, columns, &step)).vertices
             };
             for ((row, above), below) in rows.iter().zip(moved(STEP)).zip(moved(-STEP)) {
                 let numeric = (above - below) / (2.0 * STEP);

@@ -213,13 +213,19 @@ impl<'a> BlsmFit<'a> {
         let posed = self.sampled.posed(parameters);
         let mut matrix = DMatrix::zeros(solved.len(), solved.len());
         let mut gradient = DVector::zeros(solved.len());
-        let mut row = vec![DVec3::ZERO; columns.count()];
+        let mut place_of = vec![None; columns.count()];
+        solved.iter().enumerate().for_each(|(place, column)| place_of[*column] = Some(place));
+        let mut entries = Vec::new();
         for at in self.counted(stage) {
-            self.sampled.row_by_angles(parameters, &posed, at, &mut row);
+            self.sampled.entries(&posed, at, &mut entries);
             let residual = posed.vertices[at] - stage.targets[at];
-            // A vertex depends on the joints above it alone.
-            let entries = solved.iter().enumerate().map(|(place, column)| (place, row[*column]));
-            let entries: Vec<(usize, DVec3)> = entries.filter(|(_, entry)| *entry != DVec3::ZERO).collect();
+            entries.retain_mut(|(column, _)| match place_of[*column] {
+                Some(place) => {
+                    *column = place;
+                    true
+                }
+                None => false,
+            });
             for (index, (place, entry)) in entries.iter().enumerate() {
                 gradient[*place] += entry.dot(residual);
                 entries[index..].iter().for_each(|(other, with)| matrix[(*other, *place)] += entry.dot(*with));

@@ -13,11 +13,13 @@ mod first_turns;
 mod fit;
 mod own_bones;
 mod parameters_file;
+mod people_bones;
 mod population;
 mod posing;
 mod shared;
 mod skeleton;
 mod training;
+mod whole_bodies;
 
 pub use atoms::{Atom, Atoms};
 pub use body::{BlsmBody, BlsmParameters, PosedBlsm};
@@ -27,3 +29,4 @@ pub use fit::{BlsmFit, Free};
 pub use population::BlsmPopulation;
 pub use skeleton::{PosedSkeleton, ScaledSkeleton};
 pub use training::{BlsmTraining, TrainedBlsm};
+pub use whole_bodies::whole_bodies;

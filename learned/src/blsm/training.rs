@@ -10,8 +10,9 @@ use rayon::prelude::*;
 use xavatar_body::BodyModel;
 use xavatar_formats::Result;
 
-use super::bones::bone_modes;
+use super::bones::{BoneModes, bone_modes};
 use super::own_bones::Person;
+use super::people_bones::{SaidOfBones, bones_of_people};
 use super::{Atoms, BlsmBody, BlsmFit, BlsmParameters, ScaledSkeleton};
 use crate::core::{Grown, Identity, WeightMoments, WeightRow, shapes_of, weight_rows};
 use crate::registrations::Registrations;
@@ -70,35 +71,42 @@ impl BlsmTraining {
                 progress((round as f64 + share) / ROUNDS as f64)
             };
             let free = body.with_free_bones();
-            let mut lengths = Vec::new();
             for (index, subject) in registrations.subjects.iter().enumerate() {
                 tell(0, index)?;
                 let start = people[index].take().map(|person| freed(person, &body));
-                let person = Person::of(&free, &read(registrations, &subject.frames)?, start);
-                lengths.push(free.lengths(&person.frames[0].bones));
-                people[index] = Some(person);
+                people[index] = Some(Person::of(&free, &read(registrations, &subject.frames)?, start));
             }
-            let modes = bone_modes(&lengths, &body.rest_lengths(), SHARE, MODES);
+            let modes = modes_of(&free, people.iter_mut().flatten());
             explained = modes.explained.iter().take(modes.basis.len()).sum();
             body.set_modes(modes.mean, modes.basis);
-            let plain = BlsmBody { shape_basis: Vec::new(), ..body.clone() };
             for (index, (subject, person)) in registrations.subjects.iter().zip(people.iter_mut().flatten()).enumerate()
             {
                 tell(1, index)?;
                 person.frames.iter_mut().for_each(|frame| frame.bones.clone_from(&modes.coefficients[index]));
-                let own = BlsmBody { template: person.flesh.clone(), ..plain.clone() };
-                person.refit(&own, &read(registrations, &subject.frames)?);
+                person.find_modes(&body, &read(registrations, &subject.frames)?);
             }
+            let bones: Vec<Vec<f64>> = people.iter().flatten().map(|person| person.frames[0].bones.clone()).collect();
             let flesh: Vec<&Vec<DVec3>> = people.iter().flatten().map(|person| &person.flesh).collect();
-            let shapes = body.learn_flesh(&flesh, &modes.coefficients, self.shapes);
+            let shapes = body.learn_flesh(&flesh, &bones, self.shapes);
             if !self.keep_weights {
                 body.weights = weights(&body, &grown, registrations, &people)?;
             }
-            coefficients = modes.coefficients.into_iter().zip(shapes).map(|(bones, shape)| [bones, shape]).collect();
+            coefficients = bones.into_iter().zip(shapes).map(|(bones, shape)| [bones, shape]).collect();
             distances.push(distance(&body, registrations, &people, &coefficients)?);
         }
         Ok(TrainedBlsm { body, people: coefficients, explained, distances })
     }
+}
+
+/// The modes in which people's bones differ, bones of whom registrations say little being as in others; people have these bones then.
+fn modes_of<'a>(free: &BlsmBody, people: impl Iterator<Item = &'a mut Person>) -> BoneModes {
+    let mut people: Vec<&mut Person> = people.collect();
+    let said: Vec<SaidOfBones> = people.iter().map(|person| person.said.clone()).collect();
+    for (person, bones) in people.iter_mut().zip(bones_of_people(&said, MODES).unwrap_or_default()) {
+        person.frames.iter_mut().for_each(|frame| frame.bones = bones.as_slice().to_vec());
+    }
+    let lengths: Vec<Vec<f64>> = people.iter().map(|person| free.lengths(&person.frames[0].bones)).collect();
+    bone_modes(&lengths, &free.rest_lengths(), SHARE, MODES)
 }
 
 /// Weights (V) by what each joint alone would do to people's flesh.
@@ -184,7 +192,7 @@ impl BlsmBody {
         };
         Self {
             bone_basis: (1..joints).map(mode).collect(),
-            bone_correctives: vec![vec![DVec3::ZERO; self.template.len()]; joints - 1],
+            bone_correctives: vec![Vec::new(); joints - 1],
             ..self.clone()
         }
     }

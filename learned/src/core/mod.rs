@@ -1,6 +1,7 @@
 //! What every training of a body shares (METHOD-BODY section 3): the pose of a registration, un-posing, template and joints of a subject, weights,
 //! shapes, the file.
 
+mod cholesky;
 mod file;
 mod fitted_body;
 mod identity;
@@ -13,6 +14,7 @@ mod skin;
 mod unposing;
 mod weights;
 
+pub use cholesky::Factor;
 pub use file::{Family, trained_arrays};
 pub use fitted_body::FittedBody;
 pub use identity::{Identity, IdentityMoments, SkinningRows};

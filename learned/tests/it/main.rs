@@ -1,5 +1,6 @@
 //! Bodies that are trained on a made-up population.
 
+mod attributes;
 mod personal;
 mod sparse;
 mod tube;

@@ -16,7 +16,7 @@ use glam::DVec3;
 
 pub use bones::believed;
 pub use file::{Found, LandmarkFiles, Track, TrackFrame, parse_landmarks};
-pub use names::of_count as names_of_layout;
+pub use names::{COCO_17, of_count as names_of_layout};
 pub use own::{LANDMARKS_FILE, NamedPoint, write_own};
 pub use sites::{NamedSite, Site, Sites};
 

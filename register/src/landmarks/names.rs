@@ -31,13 +31,13 @@ const BODY_25: [&str; 25] = [
     "",
 ];
 
-/// COCO's 17.
-const COCO_17: [&str; 17] = [
-    "",
+/// COCO's 17 points.
+pub const COCO_17: [&str; 17] = [
+    "nose",
     "left_eye",
     "right_eye",
-    "",
-    "",
+    "left_ear",
+    "right_ear",
     "left_shoulder",
     "right_shoulder",
     "left_elbow",
@@ -51,6 +51,8 @@ const COCO_17: [&str; 17] = [
     "left_ankle",
     "right_ankle",
 ];
+/// Those of them that are no place of a skeleton.
+const OFF_SKELETON: [&str; 3] = ["nose", "left_ear", "right_ear"];
 
 /// A hand as OpenPose, COCO-WholeBody and MediaPipe count it: the wrist, then each finger from the palm to its tip.
 const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "pinky"];
@@ -107,6 +109,11 @@ fn owned(names: &[&str]) -> Vec<String> {
     names.iter().map(|name| (*name).to_owned()).collect()
 }
 
+/// COCO's points, without names where they are no place of a skeleton.
+fn coco() -> Vec<String> {
+    owned(&COCO_17.map(|name| if OFF_SKELETON.contains(&name) { "" } else { name }))
+}
+
 /// The names of a layout with so many points; none if no layout has so many.
 ///
 /// 17 COCO, 133 COCO-WholeBody, 136 Halpe, 25 BODY_25, 67 with hands, 118 and 137 with a face, 135 BODY_135.
@@ -114,13 +121,13 @@ pub fn of_count(count: usize) -> Option<Vec<String>> {
     let with_hands =
         |body: Vec<String>, face: usize| [body, hand("left", true), hand("right", true), blank(face)].concat();
     match count {
-        17 => Some(owned(&COCO_17)),
+        17 => Some(coco()),
         25 => Some(owned(&BODY_25)),
         67 | 118 | 137 => Some(with_hands(owned(&BODY_25), count - 67)),
-        133 => Some([owned(&COCO_17), blank(6 + 68), hand("left", true), hand("right", true)].concat()),
+        133 => Some([coco(), blank(6 + 68), hand("left", true), hand("right", true)].concat()),
         135 => Some([owned(&BODY_25), hand("left", false), hand("right", false), blank(70)].concat()),
         136 => {
-            let body = [owned(&COCO_17), owned(&["", "neck", "pelvis"]), blank(6)].concat();
+            let body = [coco(), owned(&["", "neck", "pelvis"]), blank(6)].concat();
             Some([body, blank(68), hand("left", true), hand("right", true)].concat())
         }
         _ => None,
@@ -152,6 +159,7 @@ mod tests {
         assert_eq!(of_count(133).unwrap()[91 + 8], "left_index");
         assert_eq!(of_count(135).unwrap()[25 + 20 + 4], "right_index1");
         assert_eq!(of_count(67).unwrap()[25 + 21], "right_wrist");
+        assert_eq!(of_count(17).unwrap()[..3], ["", "left_eye", "right_eye"]);
         assert_eq!(of_count(33), None);
     }
 

@@ -109,6 +109,9 @@ fn nodes(rigged: &RiggedMesh) -> Vec<Value> {
         let children: Vec<usize> = (0..rigged.joints.len()).filter(is_child).map(joint_node).collect();
         let (translation, rotation) = (joint.translation.to_array(), joint.rotation.to_array());
         let mut node = json!({ "name": joint.name, "translation": translation, "rotation": rotation });
+        if joint.scale != 1.0 {
+            node["scale"] = [joint.scale; 3].into();
+        }
         if !children.is_empty() {
             node["children"] = children.into();
         }

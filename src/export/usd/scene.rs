@@ -68,8 +68,10 @@ fn joint_paths(joints: &[Joint]) -> Vec<String> {
 
 fn skeleton(scene: &mut String, rigged: &RiggedMesh, joints: &str) {
     let bind = list(&rigged.joints, |joint| matrix(joint.inverse_bind.inverse()));
-    let rest =
-        list(&rigged.joints, |joint| matrix(Affine3A::from_rotation_translation(joint.rotation, joint.translation)));
+    let rest = list(&rigged.joints, |joint| {
+        let scale = Vec3::splat(joint.scale);
+        matrix(Affine3A::from_scale_rotation_translation(scale, joint.rotation, joint.translation))
+    });
     let _ = write!(
         scene,
         r#"
@@ -110,7 +112,7 @@ fn clip(scene: &mut String, rigged: &RiggedMesh, joints: &str) {
         half3[] scales = {scales}
         float3[] translations.timeSamples = {moved}
 "#,
-        scales = list(&rigged.joints, |_| "(1, 1, 1)".into()),
+        scales = list(&rigged.joints, |joint| vector(Vec3::splat(joint.scale))),
     );
     if !rigged.morphs.is_empty() {
         let names = list(&rigged.morphs, |morph| quoted(&identifier(&morph.name)));

@@ -6,28 +6,9 @@
 use serde_json::{Value, json};
 
 use super::labels::{JointLabel, Labels, Visibility};
+use crate::register::landmarks::COCO_17;
 
-/// Names of the body's 17 points.
-const BODY: [&str; 17] = [
-    "nose",
-    "left_eye",
-    "right_eye",
-    "left_ear",
-    "right_ear",
-    "left_shoulder",
-    "right_shoulder",
-    "left_elbow",
-    "right_elbow",
-    "left_wrist",
-    "right_wrist",
-    "left_hip",
-    "right_hip",
-    "left_knee",
-    "right_knee",
-    "left_ankle",
-    "right_ankle",
-];
-/// Pairs of them that lines are drawn between, counted from 1.
+/// Pairs of the body's points that lines are drawn between, counted from 1.
 const BONES: [[usize; 2]; 19] = [
     [16, 14],
     [14, 12],
@@ -67,13 +48,13 @@ pub(super) fn annotations(labels: &[Labels], file: impl Fn(usize) -> String) -> 
         "info": {"description": "xavatar render-dataset"},
         "images": labels.iter().map(image).collect::<Vec<Value>>(),
         "annotations": labels.iter().map(annotation).collect::<Vec<Value>>(),
-        "categories": [{"id": 1, "name": "person", "supercategory": "person", "keypoints": BODY, "skeleton": BONES}],
+        "categories": [{"id": 1, "name": "person", "supercategory": "person", "keypoints": COCO_17, "skeleton": BONES}],
     })
 }
 
 fn annotation(labels: &Labels) -> Value {
     let [width, height] = labels.camera.size;
-    let body = &labels.keypoints[..BODY.len()];
+    let body = &labels.keypoints[..COCO_17.len()];
     let mut annotation = json!({
         "id": labels.number,
         "image_id": labels.number,

@@ -403,4 +403,16 @@ fn a_body_with_bones_and_flesh_apart_is_trained_fitted_and_posed() {
     let wrong = ["body", "pose", text(&blsm), text(&parameters), "--frame", "2", "--out", text(&other)];
     assert!(outcome(&wrong).0 != 0 && !other.exists());
     assert_outcome(&["body", "pose", text(&blsm), "dance", "--out", text(&other)], 0, &["a BLSM body"]);
+
+    // The same dance on its bones, as a moving body and as parameters.
+    let [dancer, moves, last] = ["dancer.glb", "moves.npz", "last.ply"].map(at);
+    let dance = ["body", "retarget", "dance", "--from", text(&start), "--to", text(&blsm), "--out"];
+    assert_outcome(&[&dance[..], &[text(&dancer)]].concat(), 0, &["72 frames", "times as long"]);
+    assert_eq!(read_mesh(&dancer).unwrap().mesh.vertices.len(), 144);
+    assert_outcome(&[&dance[..], &[text(&moves)]].concat(), 0, &["72 frames"]);
+    let pose = ["body", "pose", text(&blsm), text(&moves), "--frame", "72", "--out", text(&last)];
+    assert_outcome(&pose, 0, &["144 vertices"]);
+    let plain = at("plain.glb");
+    let plain = ["body", "retarget", "dance", "--to", text(&start), "--out", text(&plain)];
+    assert_outcome(&plain, 2, &["are for bodies of `xavatar body train --kind blsm`"]);
 }

@@ -9,6 +9,8 @@ mod import;
 mod info;
 mod personal;
 mod pose;
+mod retarget;
+mod sample;
 mod separate;
 mod synth;
 mod train;
@@ -42,6 +44,8 @@ enum Verb {
     Train(train::Train),
     Fit(fit::Fit),
     Personal(personal::Personal),
+    Retarget(retarget::Retarget),
+    Sample(sample::Sample),
     Separate(separate::Separate),
     Eval(eval::Eval),
 }
@@ -57,6 +61,8 @@ impl Body {
             Verb::Train(verb) => verb.run(),
             Verb::Fit(verb) => verb.run(),
             Verb::Personal(verb) => verb.run(),
+            Verb::Retarget(verb) => verb.run(),
+            Verb::Sample(verb) => verb.run(),
             Verb::Separate(verb) => verb.run(),
             Verb::Eval(verb) => verb.run(),
         }
