@@ -10,10 +10,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 use xavatar_body::BodyModel;
+use xavatar_body::anny::DENSITY;
 use xavatar_formats::{Error, Result};
 
-/// Of a living body, kilograms a cubic metre.
-const DENSITY: f64 = 985.0;
 /// Steps at most.
 const STEPS: usize = 30;
 /// Metres and kilograms that are near enough.

@@ -9,7 +9,7 @@ use super::{Body, Wanted, wrong_value};
 use xavatar_formats::Result;
 
 /// Of a living body, kilograms a cubic metre.
-const DENSITY: f64 = 985.0;
+pub const DENSITY: f64 = 985.0;
 /// Rounds in which height and weight are found in turn: each changes the other a little.
 const ROUNDS: usize = 12;
 /// Halvings of the range of an entry, from 1 to a ten-thousandth.

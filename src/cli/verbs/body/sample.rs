@@ -36,8 +36,8 @@ pub struct Sample {
     /// Kilograms
     #[arg(long, value_name = "KG")]
     weight: Option<f64>,
-    /// Years, of Anny's people
-    #[arg(long, value_name = "YEARS")]
+    /// Years, of Anny's people: 0 to 90
+    #[arg(long, value_name = "YEARS", value_parser = age)]
     age: Option<f64>,
     /// Of Anny's people: f, female, m, male or neutral
     #[arg(long, value_name = "GENDER", value_parser = gender)]
@@ -110,6 +110,13 @@ impl Sample {
     }
 }
 
+/// An age that Anny knows.
+fn age(text: &str) -> Result<f64, String> {
+    let years: f64 = text.parse().map_err(|_| format!("`{text}` is no number of years"))?;
+    let oldest = AGES[AGES.len() - 1].0;
+    if (0.0..=oldest).contains(&years) { Ok(years) } else { Err(format!("Anny's people are 0 to {oldest} years old")) }
+}
+
 /// A gender by its name or its first letter.
 fn gender(text: &str) -> Result<Gender, String> {
     match text.to_ascii_lowercase().as_str() {
@@ -149,6 +156,7 @@ mod tests {
             assert!((phenotype_of_years(years) - expected).abs() < 1e-12);
         }
         assert!((phenotype_of_years(6.0) - 1.0 / 6.0).abs() < 1e-12);
-        assert!((phenotype_of_years(120.0) - 1.0).abs() < 1e-12);
+        assert_eq!(age("30"), Ok(30.0));
+        assert!(age("120").is_err() && age("-1").is_err() && age("NaN").is_err() && age("old").is_err());
     }
 }
