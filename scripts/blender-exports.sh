@@ -20,23 +20,13 @@ import sys
 import bpy
 import numpy
 
+from vertices_in_scene import vertices_in_scene
 from vertices_of_ply import vertices_of_ply
 
 FRAMES_PER_SECOND = 30
 COMPARED = 10
 TOLERANCE = 5e-5
 folder = pathlib.Path(sys.argv[1])
-
-
-def vertices_in_scene(body):
-    """Where Blender draws a body's vertices, Y up."""
-    posed = body.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    mesh = posed.to_mesh()
-    places = numpy.empty(3 * len(mesh.vertices))
-    mesh.vertices.foreach_get("co", places)
-    matrix = numpy.array(posed.matrix_world)
-    x, y, z = (places.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]).T
-    return numpy.stack([x, z, -y], axis=1)
 
 
 def imported(read, path, **options):

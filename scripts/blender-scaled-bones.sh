@@ -23,22 +23,11 @@ import sys
 import bpy
 import numpy
 
+from vertices_in_scene import vertices_in_scene
 from vertices_of_ply import vertices_of_ply
 
 TOLERANCE = 1e-4
 folder = pathlib.Path(sys.argv[1])
-
-
-def vertices_in_scene(body):
-    """Where Blender draws a body's vertices, Y up."""
-    posed = body.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    mesh = posed.to_mesh()
-    places = numpy.empty(3 * len(mesh.vertices))
-    mesh.vertices.foreach_get("co", places)
-    matrix = numpy.array(posed.matrix_world)
-    x, y, z = (places.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]).T
-    return numpy.stack([x, z, -y], axis=1)
-
 
 bpy.ops.wm.read_factory_settings(use_empty=True)
 bpy.context.scene.render.fps = 30
