@@ -2,7 +2,8 @@
 //!
 //! [`registrations`] finds what a user has, [`population`] makes some up whose truth is known. [`core`] is what every training shares: the pose of a
 //! registration, un-posing, template and joints, weights, shapes, the file. [`sparse`] trains STAR's and SUPR's correctives, [`personal`] a body
-//! of one person from a few registrations, with how sure it is, [`blsm`] one whose bones and flesh are apart. [`attributes`] makes people of a height and a weight, [`evaluation`] measures. What comes out are body files like any other.
+//! of one person from a few registrations, with how sure it is, [`blsm`] one whose bones and flesh are apart. [`spiral`] has networks on meshes, on candle.
+//! [`attributes`] makes people of a height and a weight, [`evaluation`] measures. What comes out are body files like any other.
 //!
 //! Everything is computed in double precision, with the same bits whatever the threads. Metres, radians, Y up.
 
@@ -18,4 +19,5 @@ pub mod population;
 mod reference;
 pub mod registrations;
 pub mod sparse;
+pub mod spiral;
 pub mod truth;

@@ -36,3 +36,12 @@ pub(crate) fn largest_difference(found: &[f64], expected: &[f64]) -> f64 {
     assert_eq!(found.len(), expected.len());
     found.iter().zip(expected).map(|(found, expected)| (found - expected).abs()).fold(0.0, f64::max)
 }
+
+pub(crate) fn faces(values: &[f64]) -> Vec<[u32; 3]> {
+    values.as_chunks::<3>().0.iter().map(|corners| corners.map(|corner| corner as u32)).collect()
+}
+
+/// Numbers as a tensor of this shape.
+pub(crate) fn tensor(values: &[f64], shape: &[usize]) -> candle_core::Tensor {
+    candle_core::Tensor::from_slice(values, shape, &candle_core::Device::Cpu).unwrap()
+}

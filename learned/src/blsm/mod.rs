@@ -2,9 +2,10 @@
 //!
 //! b = mean + c_b P_b are scales of bones, V = template + c_b P_bc + c_s P_s the flesh at rest, R_j the joints' turns by atoms of limited range;
 //! v = sum_j w_j A_j(b, R) V. [`ScaledSkeleton`] makes A, [`Atoms`] R, [`BlsmBody`] is all of it, with its file and exact derivatives;
-//! [`BlsmFit`] finds the parameters of a registration. J joints, V vertices, A atoms, K bone modes, S shapes; metres, radians.
+//! [`BlsmFit`] finds the parameters of a registration; [`SpiralBody`] has flesh of a network. J joints, V vertices, A atoms, K bone modes, S shapes; metres, radians.
 
 mod atoms;
+mod bent;
 mod body;
 mod bones;
 mod derivatives;
@@ -18,6 +19,7 @@ mod population;
 mod posing;
 mod shared;
 mod skeleton;
+mod spiral_body;
 mod training;
 mod whole_bodies;
 
@@ -28,5 +30,6 @@ pub use derivatives::Columns;
 pub use fit::{BlsmFit, Free};
 pub use population::BlsmPopulation;
 pub use skeleton::{PosedSkeleton, ScaledSkeleton};
+pub use spiral_body::{SpiralBody, SpiralTraining};
 pub use training::{BlsmTraining, TrainedBlsm};
 pub use whole_bodies::whole_bodies;

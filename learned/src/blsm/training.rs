@@ -47,6 +47,8 @@ pub struct TrainedBlsm {
     pub explained: f64,
     /// The mean distance of a vertex of the registrations after each round, metres.
     pub distances: Vec<f64>,
+    /// What each person's flesh has beside the template and what it does with the bones (N, V).
+    pub flesh: Vec<Vec<DVec3>>,
 }
 
 impl BlsmTraining {
@@ -94,7 +96,9 @@ impl BlsmTraining {
             coefficients = bones.into_iter().zip(shapes).map(|(bones, shape)| [bones, shape]).collect();
             distances.push(distance(&body, registrations, &people, &coefficients)?);
         }
-        Ok(TrainedBlsm { body, people: coefficients, explained, distances })
+        let own = |(person, [bones, _]): (&Person, &[Vec<f64>; 2])| body.own_flesh(&person.flesh, bones);
+        let flesh = people.iter().flatten().zip(&coefficients).map(own).collect();
+        Ok(TrainedBlsm { people: coefficients, explained, distances, flesh, body })
     }
 }
 
@@ -197,6 +201,15 @@ impl BlsmBody {
         }
     }
 
+    /// What flesh (V) has beside the template and what it does with these bones.
+    fn own_flesh(&self, flesh: &[DVec3], bones: &[f64]) -> Vec<DVec3> {
+        let mut left: Vec<DVec3> = flesh.iter().zip(&self.template).map(|(place, mean)| *place - *mean).collect();
+        for (corrective, coefficient) in self.bone_correctives.iter().zip(bones) {
+            left.iter_mut().zip(corrective).for_each(|(left, offset)| *left -= *offset * *coefficient);
+        }
+        left
+    }
+
     /// The lengths of bones (J - 1) of coefficients.
     fn lengths(&self, bones: &[f64]) -> Vec<f64> {
         self.scales(bones)[1..].iter().zip(self.rest_lengths()).map(|(scale, length)| scale * length).collect()
@@ -224,24 +237,22 @@ impl BlsmBody {
         (1..=modes).for_each(|mode| normal[(mode, mode)] += RIDGE);
         let Some(factor) = normal.cholesky() else { return vec![Vec::new(); flesh.len()] };
         let solved = factor.solve(&design.transpose());
+        let vertices = self.template.len();
         let of_column = |column: usize| -> Vec<DVec3> {
             let place =
                 |vertex: usize| flesh.iter().enumerate().map(|(at, of)| of[vertex] * solved[(column, at)]).sum();
-            (0..self.template.len()).into_par_iter().map(place).collect()
+            (0..vertices).into_par_iter().map(place).collect()
         };
-        let (template, correctives) = (of_column(0), (1..=modes).map(of_column).collect::<Vec<_>>());
-        let left = |(flesh, bones): (&&Vec<DVec3>, &Vec<f64>)| {
-            let mut left: Vec<DVec3> = flesh.iter().zip(&template).map(|(place, mean)| *place - *mean).collect();
-            for (corrective, coefficient) in correctives.iter().zip(bones) {
-                left.iter_mut().zip(corrective).for_each(|(left, offset)| *left -= *offset * *coefficient);
-            }
-            Identity { template: left, joints: Vec::new() }
+        self.template = of_column(0);
+        self.bone_correctives = (1..=modes).map(of_column).collect();
+        let left = |(flesh, bones): (&&Vec<DVec3>, &Vec<f64>)| Identity {
+            template: self.own_flesh(flesh, bones),
+            joints: Vec::new(),
         };
         let residuals: Vec<Identity> = flesh.iter().zip(bones).map(left).collect();
         let space = shapes_of(&residuals, shapes);
-        let mean = space.mean;
-        self.template = template.iter().zip(&mean).map(|(place, mean)| *place + *mean).collect();
-        (self.bone_correctives, self.shape_basis) = (correctives, space.directions);
+        self.template.iter_mut().zip(&space.mean).for_each(|(place, mean)| *place += *mean);
+        self.shape_basis = space.directions;
         space.coefficients
     }
 }

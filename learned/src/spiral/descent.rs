@@ -1,0 +1,118 @@
+//! The training of a network: epochs of batches in an order drawn from a seed, Adam, rates that fall.
+//!
+//! The order of epoch e is drawn from stream e of the seed, so that the state between epochs is the parameters, Adam's moments and two counts: a training
+//! that was written there and read again goes on to the bit.
+
+use std::path::Path;
+
+use candle_core::{Device, Tensor};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result};
+
+use super::{Adam, Parameters, Rate, count_of, of_tensors};
+
+/// What rates are multiplied by after an epoch.
+const FALLS: f64 = 0.99;
+/// Shapes of a batch.
+const BATCH: usize = 16;
+const EPOCHS: &str = "epochs";
+const SEED: &str = "seed";
+const PREFIX: &str = "parameters.";
+
+/// What is trained.
+pub trait Learner {
+    /// What moves.
+    fn parameters(&self) -> &Parameters;
+    /// How fast, by a parameter's name.
+    fn rate_of(name: &str) -> Rate;
+    /// How many examples there are.
+    fn examples(&self) -> usize;
+    /// The loss of a batch of them, by their numbers.
+    ///
+    /// # Errors
+    /// candle's.
+    fn loss(&self, batch: &Tensor) -> candle_core::Result<Tensor>;
+}
+
+/// A training between two epochs.
+#[derive(Debug)]
+pub struct Descent {
+    adam: Adam,
+    seed: u64,
+    epochs: u64,
+}
+
+impl Descent {
+    /// At its beginning.
+    ///
+    /// # Errors
+    /// If memory for the moments is not to be had.
+    pub fn new<L: Learner>(learner: &L, seed: u64) -> Result<Self> {
+        let adam = Adam::new(learner.parameters(), L::rate_of).map_err(of_tensors)?;
+        Ok(Self { adam, seed, epochs: 0 })
+    }
+
+    /// Epochs that were done.
+    pub fn epochs(&self) -> u64 {
+        self.epochs
+    }
+
+    /// One epoch; the mean loss of its batches.
+    ///
+    /// # Errors
+    /// [`Error::Value`] if a loss is no number, with the epoch.
+    pub fn epoch<L: Learner>(&mut self, learner: &L) -> Result<f64> {
+        let share = FALLS.powf(self.epochs as f64);
+        let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+        random.set_stream(self.epochs);
+        let mut order: Vec<u32> = (0..learner.examples() as u32).collect();
+        order.shuffle(&mut random);
+        let mut sum = 0.0;
+        for batch in order.chunks(BATCH) {
+            let loss = self.step(learner, batch, share).map_err(of_tensors)?;
+            if !loss.is_finite() {
+                return Err(Error::Value {
+                    name: format!("loss of epoch {}", self.epochs + 1),
+                    found: loss.to_string(),
+                    expected: "a number: shapes without infinities, and no huge ones".into(),
+                });
+            }
+            sum += loss * batch.len() as f64;
+        }
+        self.epochs += 1;
+        Ok(sum / learner.examples().max(1) as f64)
+    }
+
+    fn step<L: Learner>(&mut self, learner: &L, batch: &[u32], share: f64) -> candle_core::Result<f64> {
+        let loss = learner.loss(&Tensor::from_slice(batch, batch.len(), &Device::Cpu)?)?;
+        self.adam.step(learner.parameters(), &loss.backward()?, share)?;
+        loss.to_dtype(candle_core::DType::F64)?.to_scalar()
+    }
+
+    /// The training as arrays: parameters, moments, counts.
+    ///
+    /// # Errors
+    /// candle's.
+    pub fn to_arrays<L: Learner>(&self, learner: &L) -> Result<ArrayMap> {
+        let mut arrays = learner.parameters().to_arrays(PREFIX).map_err(of_tensors)?;
+        arrays.extend(self.adam.to_arrays().map_err(of_tensors)?);
+        for (name, count) in [(EPOCHS, self.epochs), (SEED, self.seed)] {
+            arrays.insert(name.into(), Array { shape: Vec::new(), data: ArrayData::I64(vec![count as i64]) });
+        }
+        Ok(arrays)
+    }
+
+    /// The training that [`to_arrays`](Self::to_arrays) wrote, of a learner made of the same examples; `path` is named in errors.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] naming the array that is missing or has another shape.
+    pub fn resumed<L: Learner>(learner: &L, path: &Path, arrays: &ArrayMap) -> Result<Self> {
+        let mut descent = Self::new(learner, count_of(path, arrays, SEED)?)?;
+        learner.parameters().set(path, arrays, PREFIX)?;
+        descent.adam.set(path, arrays)?;
+        descent.epochs = count_of(path, arrays, EPOCHS)?;
+        Ok(descent)
+    }
+}

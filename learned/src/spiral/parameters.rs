@@ -1,0 +1,183 @@
+//! The numbers of a network that training moves, by name, and those that it keeps count of: made from a seed, written as arrays, read again to the bit.
+//!
+//! Weights and offsets of a layer of n inputs begin uniform in +-1/sqrt(n). candle's own generator of random numbers on the CPU has no seed, so they are drawn
+//! here.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use candle_core::{DType, Device, Result, Tensor, Var};
+use candle_nn::{BatchNorm, Linear};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use xavatar_formats::{Array, ArrayData, ArrayMap, Error};
+
+/// What is added to a variance, so that it is not zero.
+const EPSILON: f64 = 1e-5;
+
+/// A network's parameters, by name.
+#[derive(Debug)]
+pub struct Parameters {
+    kind: DType,
+    random: ChaCha8Rng,
+    trained: BTreeMap<String, Var>,
+    /// Means and variances, which a network learns by looking and not by descent.
+    counted: BTreeMap<String, Var>,
+}
+
+impl Parameters {
+    /// None yet; those to come are drawn from this seed, as numbers of this kind.
+    pub fn new(seed: u64, kind: DType) -> Self {
+        Self { kind, random: ChaCha8Rng::seed_from_u64(seed), trained: BTreeMap::new(), counted: BTreeMap::new() }
+    }
+
+    /// The kind of numbers.
+    pub fn kind(&self) -> DType {
+        self.kind
+    }
+
+    /// What descent moves, by name.
+    pub fn trained(&self) -> impl Iterator<Item = (&str, &Var)> {
+        self.trained.iter().map(|(name, variable)| (name.as_str(), variable))
+    }
+
+    /// y = x W^T + b, W named `NAME.W` (outputs, inputs), b `NAME.b` (outputs).
+    pub(crate) fn linear(&mut self, name: &str, inputs: usize, outputs: usize) -> Result<Linear> {
+        let most = 1.0 / (inputs.max(1) as f64).sqrt();
+        let weights = self.uniform(&format!("{name}.W"), &[outputs, inputs], most)?;
+        let offsets = self.uniform(&format!("{name}.b"), &[outputs], most)?;
+        Ok(Linear::new(weights, Some(offsets)))
+    }
+
+    /// Channels to mean 0 and variance 1 over a batch, then to a scale and an offset that are trained.
+    pub(crate) fn batch_norm(&mut self, name: &str, channels: usize) -> Result<BatchNorm> {
+        let zeros = Tensor::zeros(channels, self.kind, &Device::Cpu)?;
+        let ones = Tensor::ones(channels, self.kind, &Device::Cpu)?;
+        let scale = Self::add(&mut self.trained, format!("{name}.scale"), &ones)?;
+        let offset = Self::add(&mut self.trained, format!("{name}.offset"), &zeros)?;
+        let mean = Self::add(&mut self.counted, format!("{name}.mean"), &zeros)?;
+        let variance = Self::add(&mut self.counted, format!("{name}.variance"), &ones)?;
+        BatchNorm::new(channels, mean, variance, scale, offset, EPSILON)
+    }
+
+    /// Zeros.
+    pub(crate) fn zeros(&mut self, name: &str, shape: &[usize]) -> Result<Tensor> {
+        Self::add(&mut self.trained, name.to_owned(), &Tensor::zeros(shape, self.kind, &Device::Cpu)?)
+    }
+
+    /// Leaves out what was trained by the way.
+    pub(crate) fn forget(&mut self, name: &str) {
+        self.trained.remove(name);
+    }
+
+    fn uniform(&mut self, name: &str, shape: &[usize], most: f64) -> Result<Tensor> {
+        let count = shape.iter().product();
+        let values: Vec<f64> = (0..count).map(|_| self.random.random_range(-most..=most)).collect();
+        let values = Tensor::from_vec(values, shape, &Device::Cpu)?.to_dtype(self.kind)?;
+        Self::add(&mut self.trained, name.to_owned(), &values)
+    }
+
+    fn add(to: &mut BTreeMap<String, Var>, name: String, values: &Tensor) -> Result<Tensor> {
+        let variable = Var::from_tensor(values)?;
+        let tensor = variable.as_tensor().clone();
+        to.insert(name, variable);
+        Ok(tensor)
+    }
+
+    /// All as arrays, their names after this prefix.
+    ///
+    /// # Errors
+    /// candle's.
+    pub fn to_arrays(&self, prefix: &str) -> Result<ArrayMap> {
+        let all = self.trained.iter().chain(&self.counted);
+        all.map(|(name, variable)| Ok((format!("{prefix}{name}"), array_of(variable)?))).collect()
+    }
+
+    /// Becomes what [`to_arrays`](Self::to_arrays) made of parameters of the same names and shapes; `path` is named in errors.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] naming the array that is missing, has another shape, or holds numbers that are not finite.
+    pub fn set(&self, path: &Path, arrays: &ArrayMap, prefix: &str) -> std::result::Result<(), Error> {
+        for (name, variable) in self.trained.iter().chain(&self.counted) {
+            let values = tensor_of(path, arrays, &format!("{prefix}{name}"), variable.dims(), self.kind)?;
+            variable.set(&values).map_err(super::of_tensors)?;
+        }
+        Ok(())
+    }
+}
+
+/// A tensor as an array of the same numbers.
+pub(super) fn array_of(tensor: &Tensor) -> Result<Array> {
+    let flat = tensor.flatten_all()?;
+    let data = match tensor.dtype() {
+        DType::F64 => ArrayData::F64(flat.to_vec1()?),
+        _ => ArrayData::F32(flat.to_dtype(DType::F32)?.to_vec1()?),
+    };
+    Ok(Array { shape: tensor.dims().to_vec(), data })
+}
+
+/// The array of a name as a tensor of this shape.
+pub(super) fn tensor_of(
+    path: &Path,
+    arrays: &ArrayMap,
+    name: &str,
+    shape: &[usize],
+    kind: DType,
+) -> std::result::Result<Tensor, Error> {
+    let found = arrays.get(name);
+    let numbers = found.filter(|array| array.shape == shape).and_then(Array::to_f64);
+    let Some(numbers) = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite())) else {
+        return Err(Error::Malformed {
+            path: path.into(),
+            format: "file of a network",
+            place: format!("`{name}`"),
+            found: found.map_or("missing".into(), |array| format!("an array {:?}", array.shape)),
+            expected: format!("finite numbers of shape {shape:?}"),
+        });
+    };
+    let tensor = Tensor::from_vec(numbers, shape, &Device::Cpu).and_then(|tensor| tensor.to_dtype(kind));
+    tensor.map_err(super::of_tensors)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(seed: u64) -> Parameters {
+        let mut parameters = Parameters::new(seed, DType::F32);
+        parameters.linear("first", 9, 4).unwrap();
+        parameters.batch_norm("norm", 4).unwrap();
+        parameters.zeros("codes", &[3, 2]).unwrap();
+        parameters
+    }
+
+    #[test]
+    fn a_seed_gives_the_same_numbers_within_their_bounds() {
+        let (one, same, other) = (made(7), made(7), made(8));
+        let weights = |parameters: &Parameters| parameters.to_arrays("").unwrap()["first.W"].to_f64().unwrap();
+        assert_eq!(weights(&one), weights(&same));
+        assert_ne!(weights(&one), weights(&other));
+        assert!(weights(&one).iter().all(|weight| weight.abs() <= 1.0 / 3.0));
+    }
+
+    #[test]
+    fn arrays_give_them_back_or_say_what_is_wrong() {
+        let (one, other) = (made(7), made(8));
+        let path = Path::new("network.npz");
+        let arrays = one.to_arrays("net.").unwrap();
+        other.set(path, &arrays, "net.").unwrap();
+        let again = other.to_arrays("net.").unwrap();
+        assert_eq!(again.len(), 7);
+        for (name, array) in &arrays {
+            assert_eq!(array.to_f64(), again[name].to_f64(), "{name}");
+        }
+        let mut wrong = arrays.clone();
+        wrong.insert("net.norm.mean".into(), Array::from_f32(&[4], vec![0.0, f32::NAN, 0.0, 0.0]));
+        let message = other.set(path, &wrong, "net.").unwrap_err().to_string();
+        assert!(message.contains("network.npz") && message.contains("`net.norm.mean`"), "{message}");
+        let mut missing = arrays;
+        missing.remove("net.first.b");
+        let message = other.set(path, &missing, "net.").unwrap_err().to_string();
+        assert!(message.contains("missing") && message.contains("`net.first.b`"), "{message}");
+    }
+}
