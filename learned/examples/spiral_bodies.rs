@@ -1,8 +1,8 @@
 //! Networks along spirals beside principal components on made-up people whose shapes are not linear, as a table.
 //!
-//! `cargo run --release -p xavatar-learned --example spiral_bodies -- BODY.npz [rest|posed] [PEOPLE] [EPOCHS] [VERTICES]` makes PEOPLE people who differ in
-//! bones and flesh and in two bulges that each sit elsewhere, at rest or with their limbs turned, on BODY's mesh with about VERTICES vertices left. It
-//! trains on them with 16, 32 and 64 codes and measures a quarter as many others: the mean distance of a vertex when the shape is squeezed to that many
+//! `cargo run --release -p xavatar-learned --example spiral_bodies -- BODY.npz [flesh|posed] [PEOPLE] [EPOCHS] [VERTICES]` makes PEOPLE people with two bulges
+//! that each sit elsewhere, on BODY's mesh with about VERTICES vertices left: of the same bones and at rest, as flesh is where bones are apart, or with bones and
+//! limbs of their own. It trains on them with 16, 32 and 64 codes and measures an eighth as many others: the mean distance of a vertex when the shape is squeezed to that many
 //! numbers and made again, by principal components, by the autoencoder, and by the auto-decoder, whose codes are found by least squares.
 
 use std::path::PathBuf;
@@ -21,10 +21,10 @@ use xavatar_mesh::{TriangleMesh, decimated};
 
 /// Numbers that a shape is squeezed to.
 const CODES: [usize; 3] = [16, 32, 64];
-/// Joints that are turned.
-const LIMBS: [&str; 5] = ["hip", "knee", "shoulder", "elbow", "spine"];
+/// Joints that are turned, and the axis: legs forward and back, arms up and down, elbows.
+const LIMBS: [(&str, usize); 4] = [("hip", 0), ("knee", 0), ("shoulder", 2), ("elbow", 1)];
 /// How wide a bulge is, and how deep at least, metres.
-const BULGE: [f64; 2] = [0.08, 0.02];
+const BULGE: [f64; 2] = [0.06, 0.02];
 /// Where bulges sit: heights from the hips, and how far to a side, metres.
 const REGION: [f64; 2] = [0.45, 0.15];
 
@@ -33,7 +33,7 @@ fn main() -> Result<()> {
     let file = PathBuf::from(arguments.next().unwrap_or_else(|| "SMPLX_NEUTRAL.npz".into()));
     let is_posed = arguments.next().is_some_and(|word| word == "posed");
     let mut number = |default: usize| arguments.next().and_then(|text| text.parse().ok()).unwrap_or(default);
-    let (people, epochs, vertices) = (number(300), number(60), number(900));
+    let (people, epochs, vertices) = (number(400), number(150), number(400));
     let start = BodyModel::load(&file, Gender::of_file_name(&file).unwrap_or_default())?;
     let population = BlsmPopulation { subjects: 0, poses: 1, noise: 0.0, seed: 0 };
     let whole = population.body(&start);
@@ -41,7 +41,7 @@ fn main() -> Result<()> {
     let chosen: Vec<usize> = few.sources.iter().map(|vertex| *vertex as usize).collect();
     let body = BlsmBody { faces: few.mesh.faces, ..whole.chosen(&chosen) };
     let made: Vec<Vec<DVec3>> =
-        (0..people + people.div_ceil(4)).map(|person| shape(&body, &population, person, is_posed)).collect();
+        (0..people + people.div_ceil(8)).map(|person| shape(&body, &population, person, is_posed)).collect();
     let (known, others) = made.split_at(people);
     let levels = levels(&body.bent(), &FACTORS)?;
     let sizes: Vec<usize> = levels.iter().map(|level| level.points.len()).collect();
@@ -109,16 +109,18 @@ fn descend(learner: &impl Learner, epochs: usize) -> Result<()> {
     (0..epochs).try_for_each(|_| descent.epoch(learner).map(|_| ()))
 }
 
-/// A person of the population with two bulges, at rest or with limbs turned within a third of their limits.
+/// A person of the population with two bulges: with its bones, and limbs turned as far as half of their limits, or with the mean bones and at rest.
 fn shape(body: &BlsmBody, population: &BlsmPopulation, person: usize, is_posed: bool) -> Vec<DVec3> {
     let own = population.parameters(body, person, 0);
     let angles = body.atoms.angles(&own.atoms);
     let turned = |(atom, angle): (&xavatar_learned::blsm::Atom, f64)| {
-        let is_turned = is_posed && LIMBS.iter().any(|limb| body.names[atom.joint].contains(limb));
+        let is_turned =
+            is_posed && LIMBS.iter().any(|(limb, axis)| body.names[atom.joint].contains(limb) && *axis == atom.axis);
         atom.coordinate(if is_turned { angle } else { 0.0 })
     };
     let atoms = body.atoms.list.iter().zip(angles).map(turned).collect();
-    let parameters = BlsmParameters { bones: own.bones, shape: own.shape, atoms, ..body.rest() };
+    let bones = if is_posed { own.bones } else { vec![0.0; own.bones.len()] };
+    let parameters = BlsmParameters { bones, shape: own.shape, atoms, ..body.rest() };
     let mut random = ChaCha8Rng::seed_from_u64(77);
     random.set_stream(person as u64);
     let vertices = body.template.iter().map(|place| place.as_vec3()).collect();

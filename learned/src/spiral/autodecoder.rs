@@ -17,7 +17,9 @@ const CHANNELS: [usize; 4] = [48, 32, 32, 16];
 /// The parameter that holds the codes of the shapes that are learned.
 const CODES: &str = "codes";
 /// Steps of Gauss and Newton to the code of a shape.
-const STEPS: usize = 20;
+const STEPS: usize = 12;
+/// A step that lowers the sum by a smaller share is the last.
+const CONVERGED: f64 = 1e-4;
 /// Such a share of the largest, and a direction of codes is rounding.
 const NOTHING: f64 = 1e-6;
 
@@ -202,7 +204,7 @@ impl Autodecoder {
             if found < best {
                 let gain = best - found;
                 (code, at, best, damping) = (next, there, found, damping * 0.1);
-                if gain < 1e-9 * best {
+                if gain < CONVERGED * best {
                     break;
                 }
             } else {

@@ -71,9 +71,6 @@ impl Autodecoder {
         while levels.len() <= LEVELS && arrays.contains_key(&format!("spiral.{}.kept", levels.len())) {
             levels.push(file.coarser(&levels)?);
         }
-        if levels.len() < 2 {
-            return Err(file.wrong("1.kept", "at least one coarser level"));
-        }
         let origin = file.numbers("origin")?;
         let axes = file.numbers("axes")?;
         let shape = arrays.get("spiral.axes").map_or(&[][..], |array| &array.shape);

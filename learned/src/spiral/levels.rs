@@ -10,6 +10,9 @@ use xavatar_mesh::{SurfaceIndex, TriangleMesh, decimated};
 /// How many times fewer vertices each level has than the one before, in Wang's networks.
 pub const FACTORS: [usize; 4] = [4, 2, 2, 2];
 
+/// A level with fewer faces is not made.
+const FEWEST: usize = 16;
+
 /// A mesh at one resolution.
 #[derive(Clone, Debug)]
 pub struct Level {
@@ -32,7 +35,7 @@ pub struct Pooling {
     pub weights: Vec<[f64; 3]>,
 }
 
-/// The levels of a mesh, the finest first. Folds of the reference are kept best where they are deep: a body's limbs had better be bent.
+/// The levels of a mesh, the finest first, as many as leave something of it. Folds of the reference are kept best where they are deep: a body's limbs had better be bent.
 ///
 /// # Errors
 /// [`Error::Value`](xavatar_formats::Error::Value) for a mesh without faces, or with numbers that are not finite.
@@ -44,7 +47,11 @@ pub fn levels(reference: &TriangleMesh, factors: &[usize]) -> Result<Vec<Level>>
     };
     let mut levels = vec![Level { points: points(&fine), faces: fine.faces.clone(), from_finer: None }];
     for factor in factors {
-        let coarse = decimated(&fine, fine.faces.len() / factor);
+        let faces = fine.faces.len() / factor;
+        if faces < FEWEST {
+            break;
+        }
+        let coarse = decimated(&fine, faces);
         let pooling = Pooling::new(&points(&fine), coarse.sources, &coarse.mesh)?;
         levels.push(Level {
             points: points(&coarse.mesh),

@@ -3,4 +3,5 @@
 mod attributes;
 mod personal;
 mod sparse;
+mod spiral;
 mod tube;

@@ -3,19 +3,26 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
 use serde::Serialize;
 use xavatar::body::{BodyModel, Skeleton, smpl, smplx};
 use xavatar::data::{MotionOptions, RestPose};
 use xavatar::formats::{ArrayFile, ArrayMap, write_npz};
-use xavatar::learned::blsm::{BlsmBody, BlsmParameters, BlsmTraining};
+use xavatar::learned::blsm::{BlsmBody, BlsmParameters, BlsmTraining, FleshedBody, SpiralTraining};
 use xavatar::learned::registrations::Registrations;
 use xavatar::synthetic::load_poses;
 
 use crate::cli::output::progress::Progress;
 use crate::cli::wrong_usage;
 
-/// Shapes of a trained body at most.
-const SHAPES: usize = 32;
+/// Times that a network sees all people's flesh.
+const EPOCHS: usize = 200;
+/// Of the network.
+const SEED: u64 = 0;
+
+/// What makes shapes.
+const LINEAR: &str = "linear";
+const SPIRAL: &str = "by a network along spirals";
 
 /// What a body's file holds.
 #[derive(Serialize)]
@@ -27,6 +34,17 @@ pub struct Description {
     atoms: usize,
     bone_modes: usize,
     shape_coefficients: usize,
+    /// What makes shapes: sums, or a network.
+    identity: &'static str,
+}
+
+/// How people's flesh is learned.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Identity {
+    /// Sums of shapes, principal components
+    Linear,
+    /// A network along spirals on the mesh
+    Spiral,
 }
 
 /// What was trained.
@@ -39,6 +57,7 @@ pub struct Trained<'a> {
     bone_modes: usize,
     /// The share of the variance of bones' lengths that the modes have.
     bones_explained: f64,
+    identity: &'static str,
     shapes: usize,
     /// Of the registrations, after each round.
     mean_mm: Vec<f64>,
@@ -47,8 +66,14 @@ pub struct Trained<'a> {
 impl Description {
     /// Of the arrays of a file.
     pub fn of(path: &Path, arrays: &ArrayMap) -> xavatar::Result<Self> {
-        let body = BlsmBody::from_arrays(path, arrays)?;
+        let body = FleshedBody::from_arrays(path, arrays)?;
+        let identity = match &body {
+            FleshedBody::Linear(_) => LINEAR,
+            FleshedBody::Spiral(_) => SPIRAL,
+        };
+        let body = body.mean()?.into_owned();
         Ok(Self {
+            identity,
             family: "BLSM",
             vertices: body.template.len(),
             faces: body.faces.len(),
@@ -62,16 +87,16 @@ impl Description {
 
 impl fmt::Display for Description {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { family, vertices, faces, joints, atoms, bone_modes, shape_coefficients } = self;
+        let Self { family, vertices, faces, joints, atoms, bone_modes, shape_coefficients, identity } = self;
         writeln!(formatter, "{family} body model, bones and flesh apart: {vertices} vertices, {faces} faces")?;
         writeln!(formatter, "{} joints, turned by {atoms} atoms: {}", joints.len(), joints.join(", "))?;
-        writeln!(formatter, "coefficients: {bone_modes} of bones, {shape_coefficients} of shape")
+        writeln!(formatter, "coefficients: {bone_modes} of bones, {shape_coefficients} of shape, {identity}")
     }
 }
 
 impl fmt::Display for Trained<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { file, family, subjects, registrations, bone_modes, shapes, .. } = self;
+        let Self { file, family, subjects, registrations, bone_modes, shapes, identity, .. } = self;
         writeln!(
             formatter,
             "{}: a {family} body of {registrations} registrations of {subjects} people",
@@ -79,11 +104,12 @@ impl fmt::Display for Trained<'_> {
         )?;
         writeln!(
             formatter,
-            "{bone_modes} modes of bones with {:.1} % of the variance, {shapes} shapes",
+            "{bone_modes} modes of bones with {:.1} % of the variance, {shapes} shapes, {identity}",
             100.0 * self.bones_explained
         )?;
         let distances: Vec<String> = self.mean_mm.iter().map(|distance| format!("{distance:.2}")).collect();
-        writeln!(formatter, "registrations, after each round: {} mm", distances.join(", "))
+        let shapes = if self.identity == SPIRAL { ", with linear shapes" } else { "" };
+        writeln!(formatter, "registrations, after each round{shapes}: {} mm", distances.join(", "))
     }
 }
 
@@ -92,15 +118,29 @@ pub fn train<'a>(
     start: &BodyModel,
     registrations: &Registrations,
     keep_weights: bool,
+    (identity, codes): (Identity, usize),
     file: &'a Path,
 ) -> anyhow::Result<Trained<'a>> {
     let mut progress = Progress::new();
-    let trained = BlsmTraining { shapes: SHAPES, keep_weights }.train(start, registrations, |share| {
+    let trained = BlsmTraining { shapes: codes, keep_weights }.train(start, registrations, |share| {
         progress.show("training", share, "bones and flesh");
         Ok(())
     })?;
     progress.finish();
-    write_npz(file, &trained.body.to_arrays())?;
+    let (arrays, shapes, identity) = match identity {
+        Identity::Linear => (trained.body.to_arrays(), trained.body.shape_basis.len(), LINEAR),
+        Identity::Spiral => {
+            let mut progress = Progress::new();
+            let training = SpiralTraining { codes, epochs: EPOCHS, seed: SEED };
+            let (body, _) = training.train(trained.body.clone(), &trained.flesh, |share| {
+                progress.show("training", share, "the network of the flesh");
+                Ok(())
+            })?;
+            progress.finish();
+            (body.to_arrays()?, body.code_count(), SPIRAL)
+        }
+    };
+    write_npz(file, &arrays)?;
     Ok(Trained {
         file,
         family: "BLSM",
@@ -108,7 +148,8 @@ pub fn train<'a>(
         registrations: registrations.frames(),
         bone_modes: trained.body.bone_basis.len(),
         bones_explained: trained.explained,
-        shapes: trained.body.shape_basis.len(),
+        identity,
+        shapes,
         mean_mm: trained.distances.iter().map(|distance| distance * 1e3).collect(),
     })
 }

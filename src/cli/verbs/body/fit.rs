@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 use xavatar::formats::write_npz;
-use xavatar::learned::blsm::{BlsmBody, BlsmFit};
+use xavatar::learned::blsm::{BlsmFit, FleshedBody};
 use xavatar::learned::registrations::Registrations;
 
 use crate::cli::Outcome;
@@ -50,12 +50,13 @@ impl Fit {
     pub fn run(self) -> anyhow::Result<Outcome> {
         files::new_file(&self.out)?;
         self.json.check()?;
-        let body = BlsmBody::read(&self.body)?;
-        let found = Registrations::find(std::slice::from_ref(&self.registration), body.template.len())?;
+        let body = FleshedBody::read(&self.body)?;
+        let vertices = body.mean()?.template.len();
+        let found = Registrations::find(std::slice::from_ref(&self.registration), vertices)?;
         let paths = found.subjects.iter().flat_map(|subject| &subject.frames);
         let frames = paths.map(|path| found.read(path)).collect::<Result<Vec<_>, _>>()?;
+        let (parameters, body) = body.person(&frames, HELD)?;
         let fit = BlsmFit::new(&body, HELD);
-        let parameters = fit.person(&frames, None);
         let distances = parameters.iter().zip(&frames).map(|(parameters, frame)| fit.distance(parameters, frame));
         let mean_mm = 1e3 * distances.sum::<f64>() / frames.len() as f64;
         write_npz(&self.out, &body.parameter_arrays(&parameters))?;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 use xavatar::body::{BodyModel, Gender, Pose};
 use xavatar::data::{MotionOptions, RestPose};
-use xavatar::learned::blsm::BlsmBody;
+use xavatar::learned::blsm::{BlsmBody, FleshedBody};
 use xavatar::mesh::TriangleMesh;
 use xavatar::synthetic::load_poses;
 
@@ -61,7 +61,7 @@ impl PoseBody {
         self.json.check()?;
         let arrays = if self.file.is_file() { Some(BodyModel::read_arrays(&self.file)?) } else { None };
         if let Some(arrays) = arrays.as_ref().filter(|arrays| BlsmBody::is_in(arrays)) {
-            return self.pose_blsm(&BlsmBody::from_arrays(&self.file, arrays)?, format);
+            return self.pose_blsm(&FleshedBody::from_arrays(&self.file, arrays)?, format);
         }
         let body = match arrays {
             Some(arrays) => BodyModel::from_arrays(&self.file, &arrays)?,
@@ -98,11 +98,12 @@ impl PoseBody {
     }
 
     /// A body whose bones and flesh are apart, in a frame of its parameters or of a motion.
-    fn pose_blsm(&self, body: &BlsmBody, format: MeshFormat) -> anyhow::Result<Outcome> {
+    fn pose_blsm(&self, fleshed: &FleshedBody, format: MeshFormat) -> anyhow::Result<Outcome> {
+        let body = fleshed.mean()?;
         let mut parameters = if self.pose.as_os_str() == REST && !self.pose.exists() {
             body.rest()
         } else {
-            let frames = bones_and_flesh::frames_of(body, &self.pose)?;
+            let frames = bones_and_flesh::frames_of(&body, &self.pose)?;
             let count = frames.len();
             match self.frame.checked_sub(1).and_then(|index| frames.into_iter().nth(index)) {
                 Some(parameters) => parameters,
@@ -113,7 +114,7 @@ impl PoseBody {
             let own = shape.iter().map(|value| f64::from(*value)).chain(std::iter::repeat(0.0));
             parameters.shape = own.take(body.shape_basis.len()).collect();
         }
-        let posed = body.posed(&parameters);
+        let posed = fleshed.at(&parameters.shape)?.posed(&parameters);
         let vertices: Vec<glam::Vec3> = posed.vertices.iter().map(|vertex| vertex.as_vec3()).collect();
         let places = posed.skeleton.places.iter().map(|place| place.as_vec3().to_array());
         let joints = body.names.iter().map(String::as_str).zip(places).collect();

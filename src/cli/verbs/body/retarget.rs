@@ -8,7 +8,7 @@ use xavatar::body::{BodyModel, Fingers, Gender, HandPose, Pose, PoseAxisAngle, S
 use xavatar::data::{Motion, MotionOptions, PosedClip, RestPose, onto_legs, write_motion};
 use xavatar::export::{RiggedMesh, write_glb};
 use xavatar::formats::{ArrayFile, write_npz};
-use xavatar::learned::blsm::{BlsmBody, BlsmParameters};
+use xavatar::learned::blsm::{BlsmBody, BlsmParameters, FleshedBody};
 use xavatar::synthetic::{BuiltInSubject, load_poses};
 
 use super::bones_and_flesh::skeleton_of;
@@ -67,8 +67,9 @@ impl Retarget {
         let (clip, source, rest) = self.read()?;
         let frames_per_second = clip.frames_per_second;
         let (frames, legs, cut_degrees) = if BlsmBody::is_in(&arrays) {
-            let body = BlsmBody::from_arrays(&self.to, &arrays)?;
-            self.onto_blsm(&body, clip, &source, &rest)?
+            let body = FleshedBody::from_arrays(&self.to, &arrays)?;
+            let person = self.person_of(&*body.mean()?)?;
+            self.onto_blsm(&*body.at(&person.shape)?, person, clip, &source, &rest)?
         } else {
             self.onto_model(&BodyModel::from_arrays(&self.to, &arrays)?, clip, &source, &rest)?
         };
@@ -97,6 +98,7 @@ impl Retarget {
     fn onto_blsm(
         &self,
         body: &BlsmBody,
+        person: BlsmParameters,
         clip: PosedClip,
         source: &Skeleton,
         from: &[Vec3],
@@ -104,7 +106,6 @@ impl Retarget {
         let Some(skeleton) = skeleton_of(body) else {
             wrong_usage!("{}: motions drive bodies with the joints of SMPL-X or SMPL", self.to.display())
         };
-        let person = self.person_of(body)?;
         let places = body.posed(&BlsmParameters { bones: person.bones.clone(), ..body.rest() }).skeleton.places;
         let to: Vec<Vec3> = places.iter().map(|place| place.as_vec3()).collect();
         let mut poses: Vec<Pose> = clip.poses.iter().map(|pose| source.transfer(pose, skeleton).pose).collect();

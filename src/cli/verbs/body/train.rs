@@ -12,14 +12,16 @@ use xavatar::learned::registrations::Registrations;
 use xavatar::learned::sparse::{Kind, Progress as Round, Training};
 use xavatar::synthetic::BuiltInSubject;
 
-use super::bones_and_flesh;
-use crate::cli::Outcome;
+use super::bones_and_flesh::{self, Identity};
 use crate::cli::output::files;
 use crate::cli::output::json::JsonArgument;
 use crate::cli::output::progress::Progress;
+use crate::cli::{Outcome, wrong_usage};
 
 /// Fewer people or poses than these do not tell shape from pose.
 const ENOUGH: (usize, usize) = (10, 30);
+/// Shape coefficients of a BLSM body at most.
+const CODES: usize = 32;
 
 /// Train a body model on registrations: template, joints, weights, shapes, sparse pose correctives
 #[derive(clap::Args)]
@@ -27,6 +29,7 @@ const ENOUGH: (usize, usize) = (10, 30);
     xavatar body synth --out people && xavatar body train people --out body.npz\n  \
     xavatar body train registrations --from models/SMPLX_NEUTRAL.npz --out body.npz\n  \
     xavatar body train people --kind blsm --out blsm.npz\n  \
+    xavatar body train people --kind blsm --identity spiral --codes 32 --out blsm.npz\n  \
     xavatar body train dfaust --from models/SMPL_NEUTRAL.pkl --kind star --out star.npz\n\n\
     Registrations are meshes in the topology of the body that training begins with: a folder a person, X-Humans' subjects, FAUST's files. \
     The result is a body file for every verb with --body (docs/trained-bodies.md).")]
@@ -44,6 +47,12 @@ pub struct Train {
     /// without it star or supr by the joints
     #[arg(long, value_enum, value_name = "KIND")]
     kind: Option<FileKind>,
+    /// How a BLSM body learns people's flesh
+    #[arg(long, value_enum, value_name = "HOW", requires = "kind")]
+    identity: Option<Identity>,
+    /// Shape coefficients of a BLSM body at most [default: 32]
+    #[arg(long, value_name = "N", requires = "kind", value_parser = clap::value_parser!(u16).range(1..))]
+    codes: Option<u16>,
     /// Pose correctives: sparse, dense as SMPL's, or none
     #[arg(long, value_enum, value_name = "HOW", default_value = "sparse")]
     correctives: Correctives,
@@ -88,6 +97,9 @@ impl Train {
     pub fn run(self) -> anyhow::Result<Outcome> {
         files::new_file(&self.out)?;
         self.json.check()?;
+        if (self.identity.is_some() || self.codes.is_some()) && !matches!(self.kind, Some(FileKind::Blsm)) {
+            wrong_usage!("--identity and --codes are for --kind blsm")
+        }
         let start: BodyModel = match &self.from {
             Some(path) => BodyModel::from_arrays(path, &BodyModel::read_arrays(path)?)?,
             None => BuiltInSubject::new()?.model().clone(),
@@ -104,7 +116,8 @@ impl Train {
         }
         let family = match self.kind {
             Some(FileKind::Blsm) => {
-                let trained = bones_and_flesh::train(&start, &registrations, self.keep_weights, &self.out)?;
+                let flesh = (self.identity.unwrap_or(Identity::Linear), self.codes.map_or(CODES, usize::from));
+                let trained = bones_and_flesh::train(&start, &registrations, self.keep_weights, flesh, &self.out)?;
                 self.json.print(&trained, &trained)?;
                 return Ok(Outcome::Done);
             }
