@@ -1,6 +1,7 @@
 //! A BLSM body whose flesh is a network's, on the tube.
 
 use std::path::Path;
+use std::sync::LazyLock;
 
 use glam::DVec3;
 use xavatar_learned::blsm::{BlsmBody, BlsmFit, BlsmParameters, FleshedBody, SpiralBody, SpiralTraining};
@@ -20,19 +21,22 @@ fn bulges(body: &BlsmBody, people: usize) -> Vec<Vec<DVec3>> {
     (0..people).map(bulge).collect()
 }
 
-fn trained(people: usize) -> (SpiralBody, Vec<Vec<DVec3>>, Vec<Vec<f64>>) {
+/// Of twenty people, with their codes.
+static OF_TWENTY: LazyLock<(SpiralBody, Vec<Vec<f64>>)> = LazyLock::new(|| trained(20));
+
+fn trained(people: usize) -> (SpiralBody, Vec<Vec<f64>>) {
     let body = BlsmBody::of(&tube());
     let flesh = bulges(&body, people);
     let mut shares = Vec::new();
-    let training = SpiralTraining { codes: 3, epochs: 80, seed: 1 };
+    let training = SpiralTraining { codes: 3, epochs: 40, seed: 1 };
     let (body, codes) = training
         .train(body, &flesh, |share| {
             shares.push(share);
             Ok(())
         })
         .unwrap();
-    assert_eq!((shares.len(), shares[40]), (80, 0.5));
-    (body, flesh, codes)
+    assert_eq!((shares.len(), shares[20]), (40, 0.5));
+    (body, codes)
 }
 
 fn mean_distance(one: &[DVec3], other: &[DVec3]) -> f64 {
@@ -41,7 +45,7 @@ fn mean_distance(one: &[DVec3], other: &[DVec3]) -> f64 {
 
 #[test]
 fn the_bodys_flesh_is_that_of_its_code_and_follows_codes_near_it() {
-    let (body, ..) = trained(20);
+    let (body, _) = &*OF_TWENTY;
     let code = vec![0.5, -0.3, 0.8];
     let at = body.at(&code).unwrap();
     let with = |body: &BlsmBody, shape: &[f64]| body.posed(&BlsmParameters { shape: shape.to_vec(), ..body.rest() });
@@ -56,7 +60,7 @@ fn the_bodys_flesh_is_that_of_its_code_and_follows_codes_near_it() {
 
 #[test]
 fn a_person_of_the_body_is_found_in_registrations() {
-    let (body, _, codes) = trained(20);
+    let (body, codes) = &*OF_TWENTY;
     let own = body.at(&codes[6]).unwrap();
     let truth = BlsmParameters { shape: codes[6].clone(), ..own.rest() };
     let mut bent = truth.clone();
@@ -75,7 +79,7 @@ fn a_person_of_the_body_is_found_in_registrations() {
 
 #[test]
 fn its_file_has_the_network_and_linear_shapes_for_those_who_do_not_know_it() {
-    let (body, _, codes) = trained(8);
+    let (body, codes) = trained(8);
     let arrays = body.to_arrays().unwrap();
     let path = Path::new("body.npz");
     let plain = BlsmBody::from_arrays(path, &arrays).unwrap();

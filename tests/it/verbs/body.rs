@@ -415,4 +415,26 @@ fn a_body_with_bones_and_flesh_apart_is_trained_fitted_and_posed() {
     let plain = at("plain.glb");
     let plain = ["body", "retarget", "dance", "--to", text(&start), "--out", text(&plain)];
     assert_outcome(&plain, 2, &["are for bodies of `xavatar body train --kind blsm`"]);
+
+    // Its flesh by a network: the same verbs, at the person's own code.
+    let [spiral, own, own_mesh] = ["spiral.npz", "own.npz", "own.ply"].map(at);
+    let train = ["body", "train", text(&people), "--from", text(&start), "--codes", "3", "--identity", "spiral"];
+    assert_outcome(&[&train[..], &["--out", text(&spiral)]].concat(), 2, &["--kind"]);
+    let star = [&train[..], &["--kind", "star", "--out", text(&spiral)]].concat();
+    assert_outcome(&star, 2, &["--identity and --codes are for --kind blsm"]);
+    let train = [&train[..], &["--kind", "blsm", "--out", text(&spiral)]].concat();
+    assert_outcome(&train, 0, &["3 shapes, by a network along spirals", "with linear shapes"]);
+    assert_outcome(&["body", "info", text(&spiral)], 0, &["3 of shape, by a network along spirals"]);
+    let fit = ["body", "fit", text(&spiral), text(&one), "--out", text(&own), "--json", text(&json)];
+    std::fs::remove_file(&json).unwrap();
+    assert_outcome(&fit, 0, &["1 registrations"]);
+    let found: serde_json::Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    let pose = ["body", "pose", text(&spiral), text(&own), "--out", text(&own_mesh)];
+    assert_outcome(&pose, 0, &["144 vertices"]);
+    let distances = read_mesh(&own_mesh).unwrap().mesh.vertices.into_iter().zip(&expected);
+    let mean: f32 = distances.map(|(one, other)| one.distance(*other)).sum::<f32>() / 144.0;
+    assert!((f64::from(mean) * 1e3 - found["mean_mm"].as_f64().unwrap()).abs() < 1e-2, "{mean} {found}");
+    let glb = at("spiral.glb");
+    let dance = ["body", "retarget", "dance", "--from", text(&start), "--to", text(&spiral), "--person", text(&own)];
+    assert_outcome(&[&dance[..], &["--out", text(&glb)]].concat(), 0, &["72 frames"]);
 }
