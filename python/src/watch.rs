@@ -62,6 +62,10 @@ impl Observer for Watch<'_> {
                 fields.set_item("losses", losses(fields.py(), record)?)
             }),
             Event::Checkpoint { path } => self.tell("checkpoint", 0.0, |fields| fields.set_item("path", path)),
+            Event::Refining { done, total } => self.tell("refining", share(done, total), |_| Ok(())),
+            Event::Refined { refined } => {
+                self.tell("refined", 0.0, |fields| fields.set_item("message", refined.to_string()));
+            }
             Event::Preview { path } => self.tell("preview", 0.0, |fields| fields.set_item("path", path)),
             Event::Measured { done, total, frame } => {
                 self.tell("measured", share(done, total), |fields| fields.set_item("message", frame));

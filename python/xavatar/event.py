@@ -10,8 +10,8 @@ from pathlib import Path
 class Event:
     """Something that happened in ``train``, ``register`` or ``evaluate``."""
 
-    #: In ``train``: ``"preparing"``, ``"step"``, ``"checkpoint"``, ``"preview"``. In ``evaluate``: ``"measured"``. In ``register``: the
-    #: phase, such as ``"starts"``, ``"shape"``, ``"frames"``.
+    #: In ``train``: ``"preparing"``, ``"step"``, ``"refining"``, ``"refined"``, ``"checkpoint"``, ``"preview"``. In ``evaluate``: ``"measured"``. In
+    #: ``register``: the phase, such as ``"starts"``, ``"shape"``, ``"frames"``.
     kind: str
     #: The share of the work that is done, 0 to 1; 0 for checkpoints and previews.
     progress: float
@@ -23,5 +23,5 @@ class Event:
     losses: dict[str, float] = field(default_factory=dict)
     #: Of a checkpoint or a preview: the file.
     path: Path | None = None
-    #: Which frame, or what is done.
+    #: Which frame, what is done, or what refining the poses did.
     message: str | None = None

@@ -8,12 +8,15 @@ use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
 use glam::Vec3;
+use rand::Rng;
 use rayon::prelude::*;
 
 use super::{Avatar, Extraction, paint};
-use crate::body::{BodyModel, PartLabels, Pose, Registration};
-use crate::fields::{Correspondence, FieldPose, Fields, PosedField, Poser};
-use crate::mesh::{Component, ExtractedSurface, Pocket, SolidIndex, TriangleMesh, extract, largest_with_pockets};
+use crate::body::{BodyModel, PartLabels, Pose, Registration, Role};
+use crate::fields::{CapturedPoints, Correspondence, FieldPose, Fields, FittedPose, PoseFit, PosedField, Poser};
+use crate::mesh::{
+    Component, ExtractedSurface, Pocket, SolidIndex, SurfaceSampler, TriangleMesh, extract, largest_with_pockets,
+};
 use crate::{Error, Result};
 
 /// Points farther than this from the registered body are outside without a search, metres.
@@ -23,6 +26,10 @@ const SHEET: f32 = 4.0;
 
 /// A pocket of air is kept if it encloses more than this, m^3: smaller ones lie between folds of skin.
 const POCKET: f64 = 2e-6;
+
+/// Points of a scan that a pose is fitted to: of all of it, and of its hands besides, which are small.
+const FITTED_POINTS: usize = 3000;
+const FITTED_POINTS_OF_HANDS: usize = 1000;
 
 /// An avatar with all that its poses share: the body model, the sampled skinning weights, the search's starts.
 pub struct Animator<'a> {
@@ -89,6 +96,38 @@ impl<'a> Animator<'a> {
         paint(&mut mesh, posed.evaluator.posed_shades(&canonical, &jacobians)?);
         mesh.vertices.iter_mut().for_each(|vertex| *vertex += pose.translation);
         Ok(Extraction { mesh, dropped_components: others })
+    }
+}
+
+impl Animator<'_> {
+    /// The pose near a registered one in which the avatar lies on a scan, in its own shape. Faces are as registered.
+    ///
+    /// # Errors
+    /// As [`PoseFit::fit`]; if the scan has no surface.
+    pub fn fitted(&self, scan: &TriangleMesh, registered: &Pose, random: &mut impl Rng) -> Result<FittedPose> {
+        let registered = registered.in_shape(&self.avatar.subject.betas);
+        let vertices = self.body.pose(&registered)?.vertices;
+        let registration = Registration::new(&vertices, self.labels)?;
+        let skeleton = self.body.skeleton();
+        let is_of_hand = |face: &u32| {
+            let centre = scan.corners(*face).into_iter().sum::<Vec3>() / 3.0;
+            skeleton.role(registration.nearest(centre).0) == Role::Hands
+        };
+        let hands: Vec<u32> = (0..scan.faces.len() as u32).filter(is_of_hand).collect();
+        let mut captured = CapturedPoints::default();
+        for (faces, count) in [(None, FITTED_POINTS), (Some(hands.as_slice()), FITTED_POINTS_OF_HANDS)] {
+            if faces.is_some_and(<[u32]>::is_empty) {
+                continue;
+            }
+            let sampler = SurfaceSampler::new(scan, faces)?;
+            for _ in 0..count {
+                let point = scan.position_at(&sampler.sample(random));
+                captured.points.push(point);
+                captured.labels.push(registration.nearest(point).0.0);
+            }
+        }
+        let fit = PoseFit::new(&self.body, |role| role != Role::Face);
+        fit.fit((&self.poser, &self.fields), &captured, &registered, &registered)
     }
 }
 

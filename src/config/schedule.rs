@@ -23,12 +23,16 @@ pub struct Schedule {
     pub checkpoint_steps: u64,
     /// Steps between previews; 0 for none.
     pub preview_steps: u64,
+    /// How often the frames' poses are refined by the avatar that is learned so far: at half of the training, then at half of the rest.
+    #[serde(default)]
+    pub pose_refinements: u64,
 }
 
 impl Schedule {
     pub(super) fn check(&self) -> Result<()> {
         positive("schedule.checkpoint_steps", self.checkpoint_steps as f64)?;
         within("schedule.minutes", self.minutes, 1e6)?;
-        within("schedule.most_epochs", self.most_epochs as f64, 1e9)
+        within("schedule.most_epochs", self.most_epochs as f64, 1e9)?;
+        within("schedule.pose_refinements", self.pose_refinements as f64, 100.0)
     }
 }

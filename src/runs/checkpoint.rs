@@ -6,17 +6,21 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::Vec3;
 use xavatar_formats::{TensorFile, create_folder};
 use xavatar_network::Adam;
 
+use crate::body::PoseAxisAngle;
 use crate::train::engine::Learned;
-use crate::train::{Progress, TrainingState};
+use crate::train::{Progress, RefinedPose, TrainingState};
 use crate::{Error, InputError, Result};
 
 pub(super) const FOLDER: &str = "checkpoints";
 const BEST: &str = "best.safetensors";
 /// The tensor that holds what [`Learned::sampled_skinning`] does.
 const BAKED: &str = "baked_skinning";
+/// The tensor that holds what frames' poses were refined to.
+const POSES: &str = "refined_poses";
 
 fn to_file(learned: &Learned, progress: &Progress) -> TensorFile {
     let mut file = TensorFile::default();
@@ -30,13 +34,17 @@ fn to_file(learned: &Learned, progress: &Progress) -> TensorFile {
     if let Some(parameters) = &learned.sampled_skinning {
         file.tensors.insert(BAKED.into(), (vec![parameters.len()], parameters.clone()));
     }
-    let Progress { pretraining_steps, steps, seconds, running_loss, best_loss } = *progress;
+    let Progress { pretraining_steps, steps, seconds, running_loss, best_loss, refinements, ref poses } = *progress;
+    if !poses.is_empty() {
+        file.tensors.insert(POSES.into(), pose_rows(poses));
+    }
     for (key, value) in [
         ("pretraining_steps", pretraining_steps.to_string()),
         ("steps", steps.to_string()),
         ("seconds", seconds.to_string()),
         ("running_loss", running_loss.to_string()),
         ("best_loss", best_loss.to_string()),
+        ("refinements", refinements.to_string()),
     ] {
         file.text.insert(key.into(), value);
     }
@@ -81,8 +89,34 @@ fn restore(file: &TensorFile, path: &Path, state: &mut TrainingState) -> Result<
         seconds: file.parsed(path, "seconds")?,
         running_loss: file.parsed(path, "running_loss")?,
         best_loss: file.parsed(path, "best_loss")?,
+        refinements: if file.text.contains_key("refinements") { file.parsed(path, "refinements")? } else { 0 },
+        poses: stored_poses(file, path)?,
     };
     Ok(())
+}
+
+/// Refined poses as a tensor (F, J + 1, 3): the joints' rotations, then the translation.
+fn pose_rows(poses: &[RefinedPose]) -> (Vec<usize>, Vec<f32>) {
+    let row = |pose: &RefinedPose| -> Vec<[f32; 3]> {
+        pose.rotations.iter().map(|turn| turn.0).chain([pose.translation]).map(|value| value.to_array()).collect()
+    };
+    let rows: Vec<Vec<[f32; 3]>> = poses.iter().map(row).collect();
+    let width = rows.first().map_or(0, Vec::len);
+    (vec![rows.len(), width, 3], rows.concat().into_flattened())
+}
+
+fn stored_poses(file: &TensorFile, path: &Path) -> Result<Vec<RefinedPose>> {
+    let Some((shape, values)) = file.tensors.get(POSES) else { return Ok(Vec::new()) };
+    let width = match shape[..] {
+        [_, width, 3] if width > 1 => width,
+        _ => return Err(mismatch(path, format!("{POSES} of shape {shape:?}"), "(frames, joints + 1, 3)".into())),
+    };
+    let pose = |row: &[f32]| {
+        let mut rows = row.as_chunks::<3>().0.iter().map(|value| Vec3::from_array(*value));
+        let rotations = rows.by_ref().take(width - 1).map(PoseAxisAngle).collect();
+        RefinedPose { rotations, translation: rows.next().unwrap_or_default() }
+    };
+    Ok(values.chunks_exact(3 * width).map(pose).collect())
 }
 
 /// Checkpoints that are kept beside the best: a damaged one gives way to the one before.
@@ -109,13 +143,16 @@ pub(super) fn save(learned: &Learned, progress: &mut Progress, run: &Path) -> Re
 fn stored_vector(file: &TensorFile, path: &Path, name: &str, length: usize) -> Result<Vec<f32>> {
     match file.tensors.get(name) {
         Some((_, values)) if values.len() == length => Ok(values.clone()),
-        other => Err(Error::from(InputError::Mismatch {
-            path: path.into(),
-            found: other.map_or(format!("no {name}"), |(shape, _)| format!("{name} of shape {shape:?}")),
-            expected: format!("{length} entries"),
-            remedy: "resume with the configuration that the run was started with".into(),
-        })),
+        other => {
+            let found = other.map_or(format!("no {name}"), |(shape, _)| format!("{name} of shape {shape:?}"));
+            Err(mismatch(path, found, format!("{length} entries")))
+        }
     }
+}
+
+fn mismatch(path: &Path, found: String, expected: String) -> Error {
+    let remedy = "resume with the configuration that the run was started with".into();
+    Error::from(InputError::Mismatch { path: path.into(), found, expected, remedy })
 }
 
 /// The run's checkpoints, the newest first.

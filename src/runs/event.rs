@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::avatar::Avatar;
-use crate::train::StepRecord;
+use crate::train::{Refined, StepRecord};
 
 /// Whoever watches a run.
 pub trait Observer {
@@ -39,6 +39,18 @@ pub enum Event<'a> {
         progress: f64,
         /// What was measured.
         record: &'a StepRecord,
+    },
+    /// The frames' poses are refined.
+    Refining {
+        /// Frames done.
+        done: usize,
+        /// Frames there are.
+        total: usize,
+    },
+    /// They were refined.
+    Refined {
+        /// What that did.
+        refined: Refined,
     },
     /// A checkpoint was written.
     Checkpoint {

@@ -161,6 +161,10 @@ impl Session<'_, '_> {
                 self.checkpoint()?;
                 return Ok(Ending::Stopped);
             }
+            if self.trainer.is_refinement_due() {
+                self.refine_poses(stop)?;
+                continue;
+            }
             let stage = self.trainer.stage();
             if let Some(record) = self.trainer.step()? {
                 self.note(&record)?;
@@ -182,6 +186,19 @@ impl Session<'_, '_> {
         self.checkpoint()?;
         self.avatar()?.save(&self.run.folder.join(Avatar::FILE))?;
         Ok(Ending::Finished)
+    }
+
+    fn refine_poses(&mut self, stop: &AtomicBool) -> Result<()> {
+        self.settle()?;
+        let Self { trainer, observer, .. } = self;
+        let refined = trainer.refine_poses(|done, total| {
+            observer.event(Event::Refining { done, total });
+            !stop.load(Ordering::Relaxed)
+        })?;
+        if let Some(refined) = refined {
+            observer.event(Event::Refined { refined });
+        }
+        Ok(())
     }
 
     fn note(&mut self, record: &StepRecord) -> Result<()> {

@@ -7,6 +7,7 @@ use rand::seq::SliceRandom;
 use super::Stage;
 use super::drawn::{Drawn, Order, generator};
 use super::frames::Frames;
+use super::refinement::RefinedPose;
 use super::supervision::CanonicalBody;
 use crate::Result;
 use crate::config::Config;
@@ -45,6 +46,12 @@ impl<'a> Epochs<'a> {
             follows_weights: self.follows_weights,
             random: generator(self.config.seed, Stage::Frames, place / count, place % count),
         })
+    }
+
+    /// Takes other poses of the frames from here on.
+    pub fn take_poses(&mut self, poses: Vec<RefinedPose>) {
+        self.frames.take_poses(poses);
+        self.ahead = None;
     }
 
     fn shuffled(&self, place: u64) -> (u64, usize) {

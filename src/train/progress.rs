@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::Stage;
+use super::refinement::RefinedPose;
 use crate::config::Config;
 
 /// Weight of the past in the running mean of the loss.
@@ -23,11 +24,23 @@ pub struct Progress {
     pub running_loss: f64,
     /// The smallest running mean at which the state was kept.
     pub best_loss: f64,
+    /// How often the frames' poses were refined.
+    pub refinements: u64,
+    /// What they were refined to, a pose a frame; empty before.
+    pub poses: Vec<RefinedPose>,
 }
 
 impl Default for Progress {
     fn default() -> Self {
-        Self { pretraining_steps: 0, steps: 0, seconds: 0.0, running_loss: f64::INFINITY, best_loss: f64::INFINITY }
+        Self {
+            pretraining_steps: 0,
+            steps: 0,
+            seconds: 0.0,
+            running_loss: f64::INFINITY,
+            best_loss: f64::INFINITY,
+            refinements: 0,
+            poses: Vec::new(),
+        }
     }
 }
 
@@ -96,6 +109,13 @@ impl Pace<'_> {
             Some(limit) => (self.seconds() / limit).max(self.share_of_epochs(progress)),
             None => progress.steps as f64 / self.config.schedule.steps.max(1) as f64,
         }
+    }
+
+    /// Whether the frames' poses are to be refined before the next step: first when half of the training is done, for an earlier surface is
+    /// farther off than they are, then whenever half of the rest is.
+    pub fn is_refinement_due(&self, progress: &Progress) -> bool {
+        let done = progress.refinements;
+        done < self.config.schedule.pose_refinements && self.share_done(progress) >= 1.0 - 0.5_f64.powi(done as i32 + 1)
     }
 
     /// Share that is done of the passes over the frames that end a training early; 0 where there is no such bound.

@@ -16,6 +16,7 @@ use super::engine::{CpuEngine, Engine, EngineInput, Learned, Outcome};
 use super::epochs::Epochs;
 use super::frames::Frames;
 use super::progress::{Pace, Progress};
+use super::refinement::{PoseRefiner, Refined};
 use super::supervision::CanonicalBody;
 use super::{Stage, StepRecord, TrainingSpec};
 use crate::config::LossSettings;
@@ -24,6 +25,9 @@ use crate::{Error, Result};
 
 /// Of hash grids, whose entries are updated only when a sample touches them.
 const GRID_ADAM: AdamSettings = AdamSettings { first_decay: 0.9, second_decay: 0.99, epsilon: 1e-15 };
+
+/// The first of the slots of the generators that draw for refinements of poses: no step has so many frames.
+const REFINEMENT: u64 = 1 << 15;
 
 /// All that a training has to remember between its steps.
 #[derive(Clone, Debug)]
@@ -41,6 +45,8 @@ pub struct Trainer<'a> {
     epochs: Epochs<'a>,
     engine: Box<dyn Engine>,
     progress: Progress,
+    /// None where the settings refine no pose.
+    refiner: Option<PoseRefiner<'a>>,
     /// Steps whose outcome the engine has not told yet, the oldest first.
     pending: VecDeque<StepRecord>,
 }
@@ -94,8 +100,14 @@ impl<'a> Trainer<'a> {
         let mut state = TrainingState { learned: Learned::new(fields), progress: Progress::default() };
         restore(&mut state)?;
         let TrainingState { learned, progress } = state;
+        frames.take_poses(progress.poses.clone());
         let follows_weights = learned.fields.skinning.follows_weights();
         let distances = canonical.distances().clone();
+        let refiner = if config.schedule.pose_refinements > 0 {
+            Some(PoseRefiner::new(spec, Poser::for_surfaces(config, body, labels, betas, bounds)?))
+        } else {
+            None
+        };
         let engine = make(EngineInput { config: config.clone(), poser, distances, learned })?;
         let (count, earlier_seconds) = (frames.len(), progress.seconds);
         Ok(Self {
@@ -104,6 +116,7 @@ impl<'a> Trainer<'a> {
             engine,
             pending: VecDeque::new(),
             progress,
+            refiner,
             spec,
         })
     }
@@ -158,6 +171,37 @@ impl<'a> Trainer<'a> {
         record.seconds = begin.elapsed().as_secs_f64();
         self.pending.push_back(record);
         outcome.map(|outcome| self.completed(outcome)).transpose().map(Option::flatten)
+    }
+
+    /// Whether the frames' poses are to be refined before the next step.
+    pub fn is_refinement_due(&self) -> bool {
+        self.pace.is_refinement_due(&self.progress)
+    }
+
+    /// Refines the frames' poses, after [`Trainer::settle`]; what it did. `goes_on` is told how many of how many frames are done, and says whether
+    /// to go on: if not, all poses stay as they are. None then, and if the settings refine no pose.
+    ///
+    /// # Errors
+    /// A frame that cannot be read or searched.
+    pub fn refine_poses(&mut self, mut goes_on: impl FnMut(usize, usize) -> bool) -> Result<Option<Refined>> {
+        let Self { epochs, engine, progress, refiner: Some(refiner), spec, .. } = self else { return Ok(None) };
+        let fields = &engine.learned()?.fields;
+        let total = epochs.frames.len();
+        for index in 0..total {
+            if !goes_on(index, total) {
+                refiner.finish();
+                return Ok(None);
+            }
+            let (capture, registered) = epochs.frames.registered(index)?;
+            let now = progress.poses.get(index).map_or_else(|| registered.clone(), |refined| refined.of(&registered));
+            let random = generator(spec.config.seed, Stage::Frames, index as u64, REFINEMENT + progress.refinements);
+            refiner.add(fields, (capture, &registered), &now, random)?;
+        }
+        let (poses, refined) = refiner.finish();
+        epochs.take_poses(poses.clone());
+        progress.poses = poses;
+        progress.refinements += 1;
+        Ok(Some(refined))
     }
 
     /// Waits for the last step; what was measured in it, if [`Trainer::step`] has not told it.

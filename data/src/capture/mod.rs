@@ -9,7 +9,7 @@ pub use rgbd::RgbdCapture;
 pub use scan::{ScanFrame, ScanFrames};
 
 use serde::{Deserialize, Serialize};
-use xavatar_body::{BodyModel, BodyParameters, Gender};
+use xavatar_body::{BodyModel, BodyParameters, Gender, Pose};
 use xavatar_formats::{Error, Result};
 use xavatar_mesh::Note;
 
@@ -105,14 +105,20 @@ impl Capture {
     ///
     /// # Errors
     /// [`Error::Frame`] naming the frame, if the parameters do not fit the body model.
-    pub fn resolved(mut self, body: &BodyModel) -> Result<Self> {
+    pub fn resolved(self, body: &BodyModel) -> Result<Self> {
         let resolved = body.resolve(self.parameters()).map_err(|error| error.in_frame(self.id().to_string()));
-        let parameters = BodyParameters::from(resolved?);
+        Ok(self.posed(resolved?))
+    }
+
+    /// The frame with another pose of the body.
+    #[must_use]
+    pub fn posed(mut self, pose: Pose) -> Self {
+        let parameters = BodyParameters::from(pose);
         match &mut self {
             Self::Scan(frame) => frame.parameters = parameters,
             Self::Rgbd(capture) => capture.frame.parameters = parameters,
         }
-        Ok(self)
+        self
     }
 
     /// The scan.

@@ -108,7 +108,7 @@ impl<'a> Inspector<'a> {
             scan_points.reverse();
         }
         let body_points = SurfacePoints::new(&body, BODY_POINTS)?;
-        let mut observations = self.observe(&scan_points, &body_points, &posed)?;
+        let mut observations = self.observe(&scan_points, &body_points, &posed, &frame.unseen_parts)?;
         observations.extend(is_inside_out.then_some(Observation::InsideOut));
         seen(observations)
     }
@@ -135,8 +135,15 @@ impl<'a> Inspector<'a> {
     }
 
     /// Whether the scan as a whole is elsewhere than the body; and, once it is placed, what is wrong with limbs.
-    fn observe(&self, scan: &SurfacePoints, body: &SurfacePoints, posed: &PosedBody) -> Result<Vec<Observation>> {
-        let fits = LimbFits::of(scan, body, posed, &self.segments);
+    fn observe(
+        &self,
+        scan: &SurfacePoints,
+        body: &SurfacePoints,
+        posed: &PosedBody,
+        unseen_parts: &[String],
+    ) -> Result<Vec<Observation>> {
+        let fits_of = |scan: &SurfacePoints| LimbFits::of(scan, body, posed, &self.segments).without(unseen_parts);
+        let fits = fits_of(scan);
         let off = fits.count_off();
         if let Some(whole) = fits.of_walls() {
             return Ok(vec![whole]);
@@ -149,7 +156,7 @@ impl<'a> Inspector<'a> {
         let some = (ELSEWHERE * fits.count() as f32) as usize;
         let mut placed = Vec::new();
         for placement in found.placements() {
-            let fits = LimbFits::of(&scan.placed(placement)?, body, posed, &self.segments);
+            let fits = fits_of(&scan.placed(placement)?);
             placed.push((fits.count_off(), *placement, fits));
         }
         // The first of those that bring most limbs into place.

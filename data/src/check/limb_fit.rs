@@ -48,6 +48,8 @@ const TWO_WALLS: f32 = 1.5;
 pub(super) struct LimbFits {
     limbs: Vec<LimbFit>,
     surface: f32,
+    /// Whether limbs are known not to be seen, and left out.
+    lacks_some: bool,
 }
 
 /// How a limb lies in the scan.
@@ -131,7 +133,16 @@ impl LimbFits {
         };
         // A body of hands alone has no torso.
         let limbs = Limb::all().zip(&of_limbs).filter(|(_, points)| !points.distances.is_empty()).map(fit).collect();
-        Self { limbs, surface: scan.area / body.area }
+        Self { limbs, surface: scan.area / body.area, lacks_some: false }
+    }
+
+    /// Without the limbs of these parts, of which it is known that the scan says nothing.
+    #[must_use]
+    pub fn without(mut self, unseen_parts: &[String]) -> Self {
+        let is_seen = |fit: &LimbFit| !unseen_parts.iter().any(|part| part.replace('_', " ") == fit.limb.name());
+        self.limbs.retain(is_seen);
+        self.lacks_some |= !unseen_parts.is_empty();
+        self
     }
 
     /// How many limbs there are.
@@ -183,7 +194,7 @@ impl LimbFits {
         let some = |there_are: bool, observation: Observation| there_are.then_some(observation);
         [
             // Where a limb is missing, the one before it is open.
-            some(missing.is_empty() && !open.is_empty(), Observation::OpenAt(open)),
+            some(missing.is_empty() && !self.lacks_some && !open.is_empty(), Observation::OpenAt(open)),
             some(!missing.is_empty(), Observation::Missing(missing)),
             some(!slipped.is_empty(), Observation::Slipped(slipped)),
             some(!doubled.is_empty(), Observation::Doubled(doubled)),

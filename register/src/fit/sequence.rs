@@ -36,7 +36,7 @@ pub struct Frame {
     pub landmarks: Vec<Seen>,
     /// What the frames before and after it say, if they are known and near in time.
     pub motion: Option<MotionTerm>,
-    /// Parts of the body that the scan does not show: they are not compared with it.
+    /// Parts of the body that the scan does not show: they are inside of it.
     pub unseen: Vec<Part>,
 }
 

@@ -36,7 +36,7 @@ impl Working<'_> {
                 .iter()
                 .map(|place| {
                     let (record, report) = (records[*place].as_ref()?, &reports[*place]);
-                    (report.verdict == Verdict::Registered).then(|| self.pose_of(record, &report.missing_hands))
+                    (report.verdict == Verdict::Registered).then(|| self.pose_of(*place, record, &report.missing_hands))
                 })
                 .collect();
             let frames: Vec<smplx::Parameters> =

@@ -57,11 +57,12 @@ impl Working<'_> {
         Ok(report)
     }
 
-    /// The pose of a frame, with the fingers of hands that the scan lacks relaxed.
-    pub(super) fn pose_of(&self, record: &Record, missing_hands: &[String]) -> FramePose {
+    /// The pose of a frame, with the fingers relaxed of hands that the scan lacks and that were fitted as if it had them.
+    pub(super) fn pose_of(&self, index: usize, record: &Record, missing_hands: &[String]) -> FramePose {
         let mut pose = record.pose(self.fitter.linkage.extents());
         let skeleton = self.job.body.skeleton();
-        for part in missing_hands.iter().filter_map(|name| skeleton.part_named(name)) {
+        let misled = missing_hands.iter().filter(|hand| !self.unseen[index].contains(hand));
+        for part in misled.filter_map(|name| skeleton.part_named(name)) {
             for joint in fingers(skeleton, &skeleton.parts[part.index()]) {
                 pose.rotations[joint] = so3::exp(self.fitter.prior.mean(joint));
             }
@@ -158,7 +159,7 @@ impl Working<'_> {
         if !is_linked {
             folder.write_scan(&self.scan(index)?)?;
         }
-        let pose = self.pose_of(record, missing_hands).pose(&shaped.shape);
+        let pose = self.pose_of(index, record, missing_hands).pose(&shaped.shape);
         let mesh = self.job.body.mesh(self.job.body.pose(&pose)?.vertices);
         folder.write_body(&BodyParameters::from(self.relative_to_mean(&pose)), &mesh)
     }

@@ -213,6 +213,37 @@ impl Basis<'_> {
     }
 }
 
+impl Basis<'_> {
+    /// Makes `row` the derivative of n . v by turns and translation, of a point v = sum_j w_j (B_j x) that bones move and no corrective
+    /// does. `pulls` (J) are w_j B_j x, without translation, and w_j; the sums over each joint's subtree take their place.
+    pub fn skinned_row(self, pulls: &mut [(DVec3, f64)], n: DVec3, row: &mut Row) {
+        let Self { linkage, chain, .. } = self;
+        row.clear();
+        for (joint, parent) in linkage.parents.iter().enumerate().rev() {
+            let (moment, mass) = pulls[joint];
+            if let Some(parent) = *parent {
+                pulls[parent].0 += moment;
+                pulls[parent].1 += mass;
+            }
+        }
+        for (joint, (moment, mass)) in pulls.iter().enumerate() {
+            let lever = *moment - chain.positions[joint] * *mass;
+            let turned = chain.turns[joint].transpose() * lever.cross(n);
+            let first = linkage.extents.turn(joint);
+            turned
+                .to_array()
+                .iter()
+                .enumerate()
+                .for_each(|(axis, value)| row.push(self.unknowns, first + axis, *value));
+        }
+        linkage
+            .extents
+            .translation()
+            .zip(n.to_array())
+            .for_each(|(column, value)| row.push(self.unknowns, column, value));
+    }
+}
+
 impl PosedChain {
     /// Where a joint is, with the translation.
     pub fn joint(&self, joint: usize) -> DVec3 {

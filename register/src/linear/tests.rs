@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use xavatar_body::{BodyModel, Coefficients, PoseBatch};
 use xavatar_formats::read_npz;
 
@@ -56,6 +56,24 @@ fn places_are_those_of_the_body() {
     }
 }
 
+/// Where each bone takes a point, times its weight, and the weight.
+fn pulls(chain: &PosedChain) -> Vec<(DVec3, f64)> {
+    let point = DVec3::new(0.2, 0.9, -0.1);
+    let joints = chain.turns.len() as f64;
+    let pull = |(joint, (turn, shift)): (usize, (&DMat3, &DVec3))| {
+        let weight = (2.0 + joint as f64) / joints.powi(2);
+        ((*turn * point + *shift) * weight, weight)
+    };
+    chain.turns.iter().zip(&chain.shifts).enumerate().map(pull).collect()
+}
+
+/// All entries of a row, of which it keeps those that are not zero.
+fn entries(unknowns: &Unknowns, row: &Row) -> Vec<f64> {
+    let mut whole = vec![0.0; unknowns.count()];
+    row.entries().for_each(|(place, value)| whole[place] = value);
+    whole
+}
+
 #[test]
 fn every_column_is_that_of_finite_differences() {
     const STEP: f64 = 1e-5;
@@ -89,11 +107,7 @@ fn every_column_is_that_of_finite_differences() {
         let basis = Basis { linkage: &linkage, chain: &chain, unknowns: &unknowns };
         let mut row = Row::default();
         let mut rows = Vec::new();
-        let mut keep = |row: &Row| {
-            let mut whole = vec![0.0; unknowns.count()];
-            row.entries().for_each(|(place, value)| whole[place] = value);
-            rows.push(whole);
-        };
+        let mut keep = |row: &Row| rows.push(entries(&unknowns, row));
         for index in 0..points.len() {
             points.row(basis, &posed, index, n, &mut row);
             keep(&row);
@@ -101,6 +115,20 @@ fn every_column_is_that_of_finite_differences() {
         for joint in &joints {
             basis.joint_row(*joint, n, &mut row);
             keep(&row);
+        }
+        basis.skinned_row(&mut pulls(&chain), n, &mut row);
+        let of_bones = entries(&unknowns, &row);
+        for column in (0..3 * extents.joints).chain(extents.translation()) {
+            let height = |by: f64| {
+                let mut step = vec![0.0; extents.count()];
+                step[column] = by;
+                let moved = pose.moved(extents, &step);
+                let chain = linkage.posed(&moved, &shape);
+                n.dot(pulls(&chain).iter().map(|(pull, _)| *pull).sum::<DVec3>() + moved.translation)
+            };
+            let numeric = (height(STEP) - height(-STEP)) / (2.0 * STEP);
+            let exact = of_bones[unknowns.place(column).unwrap()];
+            assert!((numeric - exact).abs() < 1e-8, "{name}, column {column} of bones: {numeric} {exact}");
         }
         for column in 0..extents.count() {
             let (ahead, behind) = (moved(column, STEP), moved(column, -STEP));

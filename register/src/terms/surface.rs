@@ -27,6 +27,10 @@ pub struct SurfaceTerm {
     pub along: f64,
 }
 
+/// How a part that the scan does not show is compared: where it sticks out of the scan, which shows all that is outside.
+const HIDDEN: SurfaceTerm =
+    SurfaceTerm { normal_weight: 0.0, reach: 0.05, deviation: 0.006, seekers: Seekers::None, along: 0.0 };
+
 /// The body that is compared.
 #[derive(Clone, Copy)]
 pub struct Dressed<'a> {
@@ -36,11 +40,15 @@ pub struct Dressed<'a> {
     pub model: &'a SurfaceModel,
     /// How far its clothing stands off each, metres (N).
     pub clothing: &'a [f64],
-    /// Parts whose vertices are left out.
+    /// Parts that the scan does not show: they are inside of it.
     pub unseen: &'a [Part],
 }
 
 impl SurfaceTerm {
+    fn weight(&self, distance: f64, cosine: f64) -> f64 {
+        robust::weight(distance, self.reach) * cosine.max(0.0) / self.deviation.powi(2)
+    }
+
     /// Adds the term of a posed body to a frame's equations.
     ///
     /// # Errors
@@ -79,8 +87,13 @@ impl Adder<'_> {
             let (outside, normal) = (self.outside(vertex), self.posed.normals[vertex]);
             let (nearest, _) = scan.index.nearest(outside, normal);
             let (q, n) = (scan.target.points()[nearest], scan.target.normals()[nearest]);
-            let weight = self.weight(q.distance(outside), normal.dot(n)) * self.body.model.weights[vertex];
-            self.add_rows(vertex, n, q - outside, weight);
+            let (way, cosine) = (q - outside, normal.dot(n));
+            let weight = match self.is_unseen(vertex) {
+                false => self.weight(way.length(), cosine),
+                true if n.dot(way) < 0.0 => HIDDEN.weight(way.length(), cosine),
+                true => 0.0,
+            };
+            self.add_rows(vertex, n, way, weight * self.body.model.weights[vertex]);
         }
     }
 
@@ -99,20 +112,27 @@ impl Adder<'_> {
             sums[vertex].1 += way * weight;
         }
         for (vertex, (weight, sum)) in sums.into_iter().enumerate().filter(|(_, (weight, _))| *weight > 0.0) {
+            if self.is_unseen(vertex) {
+                continue;
+            }
             self.add_rows(vertex, self.posed.normals[vertex], sum / weight, weight);
         }
         Ok(())
     }
 
     fn weight(&self, distance: f64, cosine: f64) -> f64 {
-        robust::weight(distance, self.term.reach) * cosine.max(0.0) / self.term.deviation.powi(2)
+        self.term.weight(distance, cosine)
+    }
+
+    fn is_unseen(&self, vertex: usize) -> bool {
+        self.body.unseen.contains(&self.body.model.parts[vertex])
     }
 
     /// Rows of a vertex that should move by `way`: along n, and a little along the axes.
     fn add_rows(&mut self, vertex: usize, n: DVec3, way: DVec3, weight: f64) {
         // Nothing of a match that far away is left in the sums.
         const NOTHING: f64 = 1e-9;
-        if weight < NOTHING || self.body.unseen.contains(&self.body.model.parts[vertex]) {
+        if weight < NOTHING {
             return;
         }
         let basis = Basis { linkage: self.body.linkage, chain: &self.posed.chain, unknowns: self.unknowns };

@@ -18,6 +18,9 @@ pub struct TrainingArguments {
     /// Seed of everything random [default: 0]
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
+    /// Refine the frames' poses by the avatar, twice: for registrations that are some millimetres off
+    #[arg(long)]
+    refine_pose: bool,
     /// Override any setting of the preset (see config.toml in a run); may be given again
     #[arg(long = "set", value_name = "key=value", value_parser = setting)]
     settings: Vec<(String, String)>,
@@ -38,6 +41,7 @@ impl TrainingArguments {
             ("schedule.minutes", self.minutes.map(|minutes| minutes.to_string())),
             ("schedule.steps", self.steps.map(|steps| steps.to_string())),
             ("seed", self.seed.map(|seed| seed.to_string())),
+            ("schedule.pose_refinements", self.refine_pose.then(|| "2".to_owned())),
             ("skip_bad_frames", self.skip_bad_frames.then(|| "true".to_owned())),
         ];
         let own = own.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?)));

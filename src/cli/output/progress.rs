@@ -100,6 +100,10 @@ impl Observer for Progress {
                 self.show("measuring", share(done as u64, total as u64), frame);
             }
             Event::Checkpoint { .. } | Event::Avatar { .. } => {}
+            Event::Refining { done, total } => {
+                self.show("poses", share(done as u64, total as u64), &format!("{done} of {total} refined"));
+            }
+            Event::Refined { refined } => log::info!("poses refined: {refined}"),
             Event::Preview { path } => log::info!("preview: {}", path.display()),
             Event::Warning { message } => log::warn!("{message}"),
         }

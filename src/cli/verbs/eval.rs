@@ -4,9 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::ValueEnum;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use xavatar::avatar::{Animator, Avatar};
 use xavatar::body::Pose;
-use xavatar::data::Source;
+use xavatar::data::{ScanFrame, Source};
 use xavatar::evaluate::{Evaluation, SmplxD};
 use xavatar::report::{REPORT_FILE, Report, dancing_rig, machine};
 
@@ -35,6 +37,9 @@ pub struct Eval {
     /// Tell feet, legs, torso, arms, head, hands, face and what is farther than 3 cm from the body apart
     #[arg(long)]
     regions: bool,
+    /// Fit each frame's pose to its scan by the avatar first: what is left is not the registration's
+    #[arg(long)]
+    refine_pose: bool,
     /// Compare pictures too, from four sides: PSNR and SSIM of the whole body, hands and face
     #[arg(long)]
     pictures: bool,
@@ -84,23 +89,25 @@ impl Eval {
         let animator = Animator::new(&avatar, &opened.body, &opened.labels)?;
         let mut progress = Progress::new();
         let (mut done, total) = (0, frames.ids().len());
-        let predict = |pose: &Pose| Ok::<_, xavatar::Error>(animator.extract(pose, self.resolution)?.mesh);
-        let measured = evaluation.run(
-            frames.iter(),
-            |_, pose| predict(pose),
-            |frame| {
-                done += 1;
-                let distance = frame.metrics.all.map_or_else(String::new, |all| format!("  CD {:.2} mm", all.cd_mm));
-                progress.show("frames", f64::from(done) / total as f64, &format!("{}{distance}", frame.frame));
-            },
-        )?;
+        let predict = |frame: &ScanFrame, pose: &Pose| {
+            let pose = match self.refine_pose {
+                true => animator.fitted(&frame.scan, pose, &mut ChaCha8Rng::seed_from_u64(0))?.pose,
+                false => pose.clone(),
+            };
+            Ok::<_, xavatar::Error>(animator.extract(&pose, self.resolution)?.mesh)
+        };
+        let measured = evaluation.run(frames.iter(), predict, |frame| {
+            done += 1;
+            let distance = frame.metrics.all.map_or_else(String::new, |all| format!("  CD {:.2} mm", all.cd_mm));
+            progress.show("frames", f64::from(done) / total as f64, &format!("{}{distance}", frame.frame));
+        })?;
         progress.finish();
         self.json.print(&measured, &measured)?;
         let Some(page) = self.page() else { return Ok(Outcome::Done) };
         let shown = report::best_and_worst(&measured, |name| {
             let place = frames.place(name).context("a frame that was just measured is gone")?;
             let frame = frames.scan(place)?;
-            let mesh = predict(&opened.body.resolve(&frame.parameters)?)?;
+            let mesh = predict(&frame, &opened.body.resolve(&frame.parameters)?)?;
             Ok((frame, mesh))
         })?;
         let rig = dancing_rig(&avatar, &opened.body)?;

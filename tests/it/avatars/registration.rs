@@ -3,14 +3,15 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use glam::DVec3;
-use xavatar::body::Pose;
+use glam::{DVec3, Vec3};
+use xavatar::body::{Part, Pose};
 use xavatar::data::Split;
+use xavatar::mesh::{ExtractionGrid, Sign, TriangleMesh, extract};
 use xavatar::register::fit::{Clothing, Fitter, Frame, Shaped, Start};
-use xavatar::register::linear::{FramePose, so3};
+use xavatar::register::linear::{Besides, FramePose, NormalEquations, Unknowns, so3};
 use xavatar::register::surface_model::Density;
-use xavatar::register::target::ScanTarget;
-use xavatar::register::terms::MotionTerm;
+use xavatar::register::target::{IndexedTarget, ScanTarget, Seekers};
+use xavatar::register::terms::{Dressed, MotionTerm, SurfaceTerm};
 use xavatar::synthetic::BuiltInSubject;
 
 /// Frames of the take.
@@ -70,4 +71,46 @@ fn a_frame_between_two_others_is_drawn_halfway_if_they_are_near_in_time() {
     let [near, far] = [shift(1e-3), shift(1.0)];
     assert!(near > 0.025, "a millisecond before and after it the body is 50 mm away: {near}");
     assert!(far.abs() < 0.005, "a second says nothing: {far}");
+}
+
+// A scan that is a ball around the person, of two sizes: what it does not show may be anywhere inside.
+#[test]
+fn hands_that_a_scan_does_not_show_are_pulled_into_it_and_left_alone_inside() {
+    let subject = BuiltInSubject::new().unwrap();
+    let (fitter, shaped) = fitter(&subject);
+    let (_, pose) = frame(&subject, 3);
+    let pose = FramePose::of(&pose, fitter.linkage.extents());
+    let all_parts: Vec<Part> = subject.model().skeleton().parts().map(|(part, _)| part).collect();
+    let posed = fitter.surface.posed(&fitter.linkage, &pose, &shaped.shape);
+    let middle = posed.chain.joint(0);
+    let farthest = posed.points.positions.iter().map(|vertex| vertex.distance(middle)).fold(0.0, f64::max);
+    let cost = |radius: f64| {
+        let scan = Arc::new(ScanTarget::of(&ball(middle.as_vec3(), radius as f32)).unwrap());
+        let scan = IndexedTarget::new(&scan, 0.03).unwrap();
+        let unknowns =
+            Unknowns::new(fitter.linkage.extents(), &[0], Besides { translation: true, ..Besides::default() });
+        let mut equations = NormalEquations::new(unknowns.count());
+        let term = SurfaceTerm { normal_weight: 0.03, reach: 0.1, deviation: 0.003, seekers: Seekers::All, along: 0.0 };
+        let bare = vec![0.0; fitter.surface.len()];
+        let body = Dressed { linkage: &fitter.linkage, model: &fitter.surface, clothing: &bare, unseen: &all_parts };
+        term.add(body, &posed, &scan, &unknowns, &mut equations).unwrap();
+        equations.cost
+    };
+    assert_eq!(cost(1.1 * farthest), 0.0);
+    assert!(cost(0.97 * farthest) > 0.1, "{}", cost(0.97 * farthest));
+}
+
+/// A sphere with its faces outwards.
+fn ball(middle: Vec3, radius: f32) -> TriangleMesh {
+    let grid = ExtractionGrid {
+        minimum: middle - 1.2 * radius,
+        maximum: middle + 1.2 * radius,
+        resolution: 32,
+        level: 0.0,
+        inside_is: Sign::Negative,
+    };
+    let field = |points: &[Vec3], values: &mut [f32]| {
+        points.iter().zip(values).for_each(|(point, value)| *value = point.distance(middle) - radius);
+    };
+    extract(&field, grid).unwrap().mesh
 }

@@ -3,12 +3,14 @@
 use std::time::Instant;
 
 use xavatar::Result;
+use xavatar::body::Pose;
 use xavatar::config::{Config, LossSettings};
+use xavatar::data::Source;
 use xavatar::fields::{FieldRates, PerField};
 use xavatar::synthetic::{BuiltInSubject, Split};
 use xavatar::train::engine::{CpuEngine, Engine, EngineInput, Learned, Outcome};
 use xavatar::train::losses::CanonicalBatch;
-use xavatar::train::{Drawn, Stage, StepRecord, Trainer, TrainingSpec};
+use xavatar::train::{Drawn, Stage, StepRecord, Trainer, TrainingSpec, TrainingState};
 
 /// Settings of all trainings here: two steps of stage 0, four on frames.
 const SHORT: [(&str, &str); 5] = [
@@ -133,4 +135,47 @@ fn a_short_training_goes_as_it_always_did() {
         }
     }
     assert!(all.is_empty(), "{all:?}");
+}
+
+// At the first refinement, half of the steps are done; the second pose of each frame is one that a training which goes on takes too.
+#[test]
+fn poses_are_refined_and_a_training_that_goes_on_has_them() {
+    let mut config = short("demo");
+    config.schedule.pose_refinements = 1;
+    let subject = BuiltInSubject::new().unwrap();
+    let source = subject.film(Split::Train, 3).unwrap();
+    let (body, labels) = (subject.model(), subject.part_labels());
+    let spec = TrainingSpec { config: &config, source: &source, body, labels };
+    let seen = vec![true; body.vertex_count()];
+    let mut trainer = Trainer::new(spec, &seen, Instant::now(), |_| Ok(())).unwrap();
+    while !trainer.is_refinement_due() {
+        assert!(!trainer.is_done() && trainer.progress().poses.is_empty());
+        trainer.step().unwrap();
+    }
+    assert_eq!(trainer.progress().steps, 2);
+    assert!(trainer.refine_poses(|done, _| done < 1).unwrap().is_none() && trainer.progress().poses.is_empty());
+    assert!(trainer.refine_poses(|_, _| true).unwrap().is_some() && !trainer.is_refinement_due());
+    let registered: Vec<Pose> =
+        (0..3).map(|index| body.resolve(source.read(index).unwrap().parameters()).unwrap()).collect();
+    let poses = trainer.progress().poses.clone();
+    assert_eq!(poses.len(), registered.len());
+    assert!(poses.iter().zip(&registered).any(|(pose, registered)| pose.rotations != registered.rotations));
+    let state = |trainer: &mut Trainer| {
+        let (learned, progress) = trainer.state().unwrap();
+        TrainingState { learned: learned.clone(), progress: progress.clone() }
+    };
+    let half = state(&mut trainer);
+    let restore = |state: &mut TrainingState| {
+        *state = half.clone();
+        Ok(())
+    };
+    let mut resumed = Trainer::new(spec, &seen, Instant::now(), restore).unwrap();
+    for trainer in [&mut trainer, &mut resumed] {
+        while !trainer.is_done() {
+            trainer.step().unwrap();
+        }
+    }
+    let [one, other] =
+        [state(&mut trainer), state(&mut resumed)].map(|state| state.learned.fields.parameters().map(<[f32]>::to_vec));
+    assert!(one == other, "the parameters differ");
 }

@@ -248,6 +248,7 @@ fn faces_along(frame: &ScanFrame, from: usize, to: usize, reach: f32) -> Vec<boo
 }
 
 const LEFT_ELBOW: usize = 18;
+const LEFT_WRIST: usize = 20;
 const LEFT_MIDDLE_FINGER: usize = 30;
 
 #[test]
@@ -442,6 +443,23 @@ fn frames_to_train_on_are_refused_or_accepted_by_the_name_of_their_fault() {
     assert_eq!(error.remedy().and_then(Remedy::choice), Some(Choice::Accept("unit")));
     let lenient = CheckedFrames::new(&source, SUBJECT.model(), [Defect::Hollow]);
     assert!(lenient.read(1).is_ok() && lenient.read(2).is_err());
+}
+
+// Of a registration that has found out, nothing is asked about the hand again, nor about the arm that is open there.
+#[test]
+fn a_hand_that_is_known_to_be_missing_is_no_fault() {
+    let mut frames: Vec<ScanFrame> = FRAMES.clone();
+    for frame in &mut frames {
+        let mut hand = faces_along(frame, LEFT_WRIST, LEFT_MIDDLE_FINGER, 0.13).into_iter();
+        frame.scan.faces.retain(|_| !hand.next().unwrap());
+    }
+    frames[1].unseen_parts = vec!["left_hand".into()];
+    let ids = frames.iter().map(|frame| frame.id.clone()).collect();
+    let source = Shown(frames, ids);
+    let checked = CheckedFrames::new(&source, SUBJECT.model(), []);
+    let error = checked.read(0).unwrap_err().to_string();
+    assert!(error.contains("left hand"), "{error}");
+    assert!(checked.read(1).is_ok(), "{:?}", checked.read(1).err());
 }
 
 #[test]
