@@ -12,7 +12,7 @@ use super::{BlsmBody, BlsmFit, BlsmParameters, SpiralBody};
 #[derive(Debug)]
 pub enum FleshedBody {
     /// Sums of shapes.
-    Linear(BlsmBody),
+    Linear(Box<BlsmBody>),
     /// An auto-decoder.
     Spiral(Box<SpiralBody>),
 }
@@ -34,7 +34,7 @@ impl FleshedBody {
         if SpiralBody::is_in(arrays) {
             Ok(Self::Spiral(Box::new(SpiralBody::from_arrays(path, arrays)?)))
         } else {
-            Ok(Self::Linear(BlsmBody::from_arrays(path, arrays)?))
+            Ok(Self::Linear(Box::new(BlsmBody::from_arrays(path, arrays)?)))
         }
     }
 

@@ -243,8 +243,8 @@ impl BlsmBody {
                 |vertex: usize| flesh.iter().enumerate().map(|(at, of)| of[vertex] * solved[(column, at)]).sum();
             (0..vertices).into_par_iter().map(place).collect()
         };
-        self.template = of_column(0);
         self.bone_correctives = (1..=modes).map(of_column).collect();
+        self.template = of_column(0);
         let left = |(flesh, bones): (&&Vec<DVec3>, &Vec<f64>)| Identity {
             template: self.own_flesh(flesh, bones),
             joints: Vec::new(),

@@ -67,7 +67,7 @@ impl Pooling {
     /// Between these fine vertices and a coarse mesh of those that were kept.
     ///
     /// # Errors
-    /// As [`levels`].
+    /// As [`levels()`].
     pub fn new(fine: &[DVec3], kept: Vec<u32>, coarse: &TriangleMesh) -> Result<Self> {
         let index = SurfaceIndex::new(coarse)?;
         let mut pooling = Self { kept, corners: Vec::new(), weights: Vec::new() };

@@ -1,6 +1,6 @@
 //! Networks on the vertices of a mesh, by convolutions along spirals (Wang ch. 4 and 5; METHOD-BODY section 10), on candle.
 //!
-//! A vertex's neighbours in the order of its [`Spirals`] are what pixels around a pixel are to a picture; [`levels`] are the mesh at fewer and fewer
+//! A vertex's neighbours in the order of its [`Spirals`] are what pixels around a pixel are to a picture; [`levels()`] are the mesh at fewer and fewer
 //! vertices. [`Autoencoder`] squeezes shapes to a few numbers and makes shapes of them; [`Autodecoder`] finds the numbers of its shapes while it learns
 //! to make shapes of numbers. [`Descent`] trains either; it can be stopped between epochs, written, and gone on with to the bit. On the CPU.
 
