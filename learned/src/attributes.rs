@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 use xavatar_body::BodyModel;
-use xavatar_body::anny::DENSITY;
+use xavatar_body::anny::Measures;
 use xavatar_formats::{Error, Result};
 
 /// Steps at most.
@@ -36,12 +36,9 @@ pub struct WantedPerson {
 pub struct MadePerson {
     /// Coefficients (S).
     pub shape: Vec<f64>,
-    /// From sole to crown, metres.
-    pub height: f64,
-    /// Litres.
-    pub volume: f64,
-    /// Kilograms.
-    pub weight: f64,
+    /// What they measure.
+    #[serde(flatten)]
+    pub measures: Measures,
 }
 
 /// People by the shapes of a body.
@@ -72,10 +69,10 @@ impl<'a> People<'a> {
             }
             self.step(&mut shape, wanted, missing)?;
         }
-        let person = self.measured(&shape)?;
+        let Measures { height, weight, .. } = self.measured(&shape)?.measures;
         Err(Error::Value {
             name: "the wanted person".into(),
-            found: format!("nearest at {:.2} m and {:.1} kg", person.height, person.weight),
+            found: format!("nearest at {height:.2} m and {weight:.1} kg"),
             expected: "a height and a weight that the body's shapes have".into(),
         })
     }
@@ -88,10 +85,7 @@ impl<'a> People<'a> {
         let mut pose = self.body.skeleton().rest_pose();
         pose.shape = shape.iter().map(|value| *value as f32).collect();
         let mesh = self.body.mesh(self.body.rest_vertices(&pose)?);
-        let heights = || mesh.vertices.iter().map(|vertex| f64::from(vertex.y));
-        let height = heights().fold(f64::MIN, f64::max) - heights().fold(f64::MAX, f64::min);
-        let volume = mesh.volume();
-        Ok(MadePerson { shape: shape.to_vec(), height, volume: volume * 1e3, weight: volume * DENSITY })
+        Ok(MadePerson { shape: shape.to_vec(), measures: Measures::of_mesh(&mesh) })
     }
 
     /// Moves coefficients by the smallest step that would bring what is missing.
@@ -127,6 +121,6 @@ impl WantedPerson {
     /// What a person lacks of what is asked for; nothing of what is not.
     fn missing(self, person: &MadePerson) -> DVec2 {
         let lacks = |wanted: Option<f64>, found: f64| wanted.map_or(0.0, |wanted| wanted - found);
-        DVec2::new(lacks(self.height, person.height), lacks(self.weight, person.weight))
+        DVec2::new(lacks(self.height, person.measures.height), lacks(self.weight, person.measures.weight))
     }
 }

@@ -198,3 +198,23 @@ fn canonical_guess(vertex: Vec3, [inside, outside]: [Vec3; 2], roots: &Roots) ->
     let to = roots.get(&key(outside)).filter(|to| to.distance(from) < SHEET * length).copied().unwrap_or(from);
     from.lerp(to, inside.distance(vertex) / length).to_array()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::BuiltInSubject;
+
+    // A pocket under a hood, one as large inside of the chest, and bubbles.
+    #[test]
+    fn pockets_that_clothes_enclose_are_worn_and_those_of_the_body_are_not() {
+        let subject = BuiltInSubject::new().unwrap();
+        let model = subject.model();
+        let body = model.mesh(model.template().to_vec());
+        let joints = model.pose(&model.skeleton().rest_pose()).unwrap().joints;
+        let joint = |name: &str| joints[model.skeleton().joint(name).unwrap()];
+        let worn = |volume: f64, centre: Vec3| is_worn(Pocket { volume, centre }, &body);
+        let over_the_head = joint("head") + Vec3::Y * 0.4;
+        assert!(worn(1e-5, over_the_head) && !worn(1e-6, over_the_head));
+        assert!(!worn(1e-5, joint("spine2")));
+    }
+}

@@ -7,9 +7,10 @@ use super::phenotype::Phenotype;
 use super::t_pose::TPose;
 use super::{Body, Wanted, wrong_value};
 use xavatar_formats::Result;
+use xavatar_mesh::TriangleMesh;
 
 /// Of a living body, kilograms a cubic metre.
-pub const DENSITY: f64 = 985.0;
+const DENSITY: f64 = 985.0;
 /// Rounds in which height and weight are found in turn: each changes the other a little.
 const ROUNDS: usize = 12;
 /// Halvings of the range of an entry, from 1 to a ten-thousandth.
@@ -37,9 +38,18 @@ impl Measures {
         let (faces, _) = base.triangles(&vertices);
         let corner = |vertex: u32| template[vertex as usize];
         let volume: f64 = faces.iter().map(|[a, b, c]| corner(*a).dot(corner(*b).cross(corner(*c)))).sum::<f64>() / 6.0;
-        let heights = || template.iter().map(|vertex| vertex.y);
-        let height = heights().fold(f64::MIN, f64::max) - heights().fold(f64::MAX, f64::min);
-        Self { height, volume: volume * 1e3, weight: volume * DENSITY }
+        Self::new(template.iter().map(|vertex| vertex.y), volume)
+    }
+
+    /// Of a closed mesh at rest, metres.
+    pub fn of_mesh(mesh: &TriangleMesh) -> Self {
+        Self::new(mesh.vertices.iter().map(|vertex| f64::from(vertex.y)), mesh.volume())
+    }
+
+    /// Of vertices' heights, metres, and a volume, cubic metres.
+    fn new(heights: impl Iterator<Item = f64>, volume: f64) -> Self {
+        let (low, high) = heights.fold((f64::MAX, f64::MIN), |(low, high), height| (low.min(height), high.max(height)));
+        Self { height: high - low, volume: volume * 1e3, weight: volume * DENSITY }
     }
 }
 

@@ -38,7 +38,7 @@ use crate::smplx;
 use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result};
 
 pub use self::face_units::face_units;
-pub use self::measures::{DENSITY, Measures};
+pub use self::measures::Measures;
 pub use self::phenotype::Phenotype;
 
 /// What body is wanted.

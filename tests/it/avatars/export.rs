@@ -6,7 +6,7 @@ use glam::{DMat4, DQuat, DVec3, Quat, Vec3};
 use gltf::animation::util::ReadOutputs;
 use tempfile::TempDir;
 use xavatar::avatar::{Avatar, FixedTopology, Subject};
-use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
+use xavatar::body::{BodyModel, FaceUnits, Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::config::{SkinningSettings, VoxelShape};
 use xavatar::export::{RiggedMesh, Rigging, bake_texture, ground_mesh, ground_motion, write_glb};
 use xavatar::fields::{CanonicalGrid, Fields, Skinning};
@@ -522,4 +522,32 @@ fn a_textured_rig_moves_as_the_coloured_one() {
             (read, _) => panic!("{read:?}"),
         }
     }
+}
+
+// An action that lifts the whole head, which no expression does: it is carried over from the body's surface.
+#[test]
+fn facial_actions_are_morphs_that_the_clip_leaves_alone() {
+    let (avatar, body) = (avatar(true), subject().model());
+    let (rigged, _) = RIGGING.rig(&avatar, Some(body), &take(3), RATE, |_, _| {}).unwrap();
+    let (clip, before) = (rigged.animation.morph_weights.clone(), rigged.morphs.len());
+    let head = body.skeleton().joint("head").unwrap();
+    let joints = body.skeleton().joints.len();
+    let lift = |vertex: usize| DVec3::Y * 0.004 * f64::from(body.skinning_weights()[vertex * joints + head]);
+    let rest = body.pose(&body.skeleton().rest_pose()).unwrap();
+    let units = FaceUnits {
+        vertices: body.template().iter().map(|vertex| vertex.as_dvec3()).collect(),
+        faces: body.faces().to_vec(),
+        joints: body.skeleton().joints.iter().cloned().zip(rest.joints.iter().map(|joint| joint.as_dvec3())).collect(),
+        offsets: vec![("browInnerUp".into(), (0..body.vertex_count()).map(lift).collect())],
+    };
+    let (rigged, report) = rigged.with_face_units(&avatar.subject, body, &units).unwrap();
+    let morph = rigged.morphs.last().unwrap();
+    assert_eq!((rigged.morphs.len(), morph.name.as_str()), (before + 1, "browInnerUp"));
+    for (row, old) in rigged.animation.morph_weights.chunks(before + 1).zip(clip.chunks(before)) {
+        assert_eq!((&row[..before], row[before]), (old, 0.0));
+    }
+    let highest = morph.offsets.iter().map(|offset| offset.y).fold(0.0, f32::max);
+    assert!((0.0035..0.0045).contains(&highest), "{highest} m");
+    let error = &report.units[0].morph;
+    assert!(error.root_mean_square < 0.1 * error.size, "{report}");
 }

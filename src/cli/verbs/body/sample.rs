@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde::Serialize;
-use xavatar::body::anny::{self, Phenotype, Wanted};
+use xavatar::body::anny::{self, Measures, Phenotype, Wanted};
 use xavatar::body::{BodyModel, Gender};
 use xavatar::learned::attributes::{MadePerson, People, WantedPerson};
 use xavatar::mesh::write_ply;
@@ -139,7 +139,8 @@ impl fmt::Display for Made<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(formatter, "{}: {} people", self.folder.display(), self.people.len())?;
         writeln!(formatter, "person   height m   volume l   weight kg")?;
-        for (number, MadePerson { height, volume, weight, .. }) in self.people.iter().enumerate() {
+        for (number, person) in self.people.iter().enumerate() {
+            let Measures { height, volume, weight } = person.measures;
             writeln!(formatter, "{number:04}     {height:8.3}   {volume:8.1}   {weight:9.1}")?;
         }
         Ok(())
