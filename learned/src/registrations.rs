@@ -1,8 +1,8 @@
 //! Registrations: meshes of a body's topology, told from whatever else is in a folder by how many vertices they have.
 //!
 //! `<folder>/<subject>/.../<frame>.ply` (or .obj, .glb), the folder of one subject (`train/` and `test/`, a `gender.txt`), or FAUST's
-//! `tr_reg_000.ply`, ten frames a subject, in one folder. Of each folder of meshes the first says whether the others are looked at: scans stand
-//! beside registrations. Nothing is kept in memory: a frame is read when it is needed. V vertices; metres.
+//! `tr_reg_000.ply`, ten frames a subject, in one folder. Of a subject that has bodies moved onto scans, in `offsets/`, these alone. Of each
+//! folder of meshes the first says whether the others are looked at: scans stand beside registrations. Nothing is kept in memory: a frame is read when it is needed. V vertices; metres.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use xavatar_formats::{Error, Result};
 use xavatar_mesh::{MESH_EXTENSIONS, read_mesh};
+use xavatar_register::job::OFFSETS_FOLDER;
 
 /// Folders of what is known of a made-up population.
 pub(crate) const TRUTH: &str = "truth";
@@ -87,7 +88,8 @@ fn single(path: &Path) -> Subject {
 fn subjects_of(folder: &Path, vertices: usize) -> Result<Vec<Subject>> {
     let subject = |folder: &Path| -> Result<Option<Subject>> {
         let mut frames = Vec::new();
-        collect(folder, vertices, &mut frames)?;
+        let moved = folder.join(OFFSETS_FOLDER);
+        collect(if moved.is_dir() { &moved } else { folder }, vertices, &mut frames)?;
         Ok((!frames.is_empty()).then(|| Subject { name: name_of(folder), frames }))
     };
     if OF_ONE.iter().any(|name| folder.join(name).exists()) {
@@ -177,6 +179,22 @@ mod tests {
         assert!(message.contains("9 vertices, expected 4"), "{message}");
         let message = Registrations::find(&[folder.path().into()], 5).unwrap_err().to_string();
         assert!(message.contains("a mesh of 5 vertices"), "{message}");
+    }
+
+    #[test]
+    fn bodies_that_were_moved_onto_scans_stand_for_those_that_were_not() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["anna/train/Take1/SMPLX/1.ply", "anna/offsets/train/Take1/1.ply", "bob/train/Take1/SMPLX/1.ply"] {
+            mesh(&folder.path().join(name), 4);
+        }
+        let frames = |path: PathBuf| -> Vec<PathBuf> {
+            let subjects = Registrations::find(&[path], 4).unwrap().subjects;
+            subjects.into_iter().flat_map(|subject| subject.frames).collect()
+        };
+        let at = |name: &str| folder.path().join(name);
+        let moved = at("anna/offsets/train/Take1/1.ply");
+        assert_eq!(frames(at("anna")), std::slice::from_ref(&moved));
+        assert_eq!(frames(folder.path().into()), [moved, at("bob/train/Take1/SMPLX/1.ply")]);
     }
 
     #[test]

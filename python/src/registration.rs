@@ -65,6 +65,7 @@ pub fn register<'py>(
             known: Known { shape, bare: false },
             shape_from: minimal,
             frames_per_second: None,
+            offsets: false,
             out: out.clone(),
         };
         let mut observe = |phase: &'static str, share: f64, message: &str| {

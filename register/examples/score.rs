@@ -78,6 +78,7 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
         known: Known::default(),
         shape_from: None,
         frames_per_second: None,
+        offsets: false,
         out: out.into(),
     };
     let Some(report) = job.run(&mut observe, &run_on)? else { return Err("stopped".into()) };

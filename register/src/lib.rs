@@ -10,6 +10,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 pub mod fit;
+pub mod free_form;
 pub mod job;
 pub mod landmarks;
 pub mod linear;

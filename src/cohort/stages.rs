@@ -124,6 +124,7 @@ impl<'a> Stages<'a> {
             known: Known { shape: None, bare: false },
             shape_from: None,
             frames_per_second: None,
+            offsets: false,
             out: out.clone(),
         };
         let report = job.run(&mut |phase, share, message| watcher.phase(phase, share, message), stop)?;

@@ -5,6 +5,7 @@
 
 mod coordinates;
 mod detection;
+mod free;
 mod motion;
 mod record;
 mod report;
@@ -25,6 +26,7 @@ use xavatar_mesh::TriangleMesh;
 
 pub use coordinates::{FileCoordinates, Up};
 pub use detection::find_landmarks;
+pub use free::OFFSETS_FOLDER;
 pub use report::{FrameReport, REPORT_FILE, RegistrationReport, Verdict};
 pub use scored::score_registration;
 pub use shared::CLOTHING_FILE;
@@ -61,6 +63,8 @@ pub struct Job<'a> {
     pub shape_from: Option<String>,
     /// How fast frames of a sequence follow each other, if that is known and they do.
     pub frames_per_second: Option<f64>,
+    /// Whether each body is also written as moved vertex by vertex onto its scan.
+    pub offsets: bool,
     /// The folder for the data.
     pub out: PathBuf,
 }
@@ -85,7 +89,7 @@ impl Job<'_> {
         let _lock = FolderLock::take(&self.out)?;
         let working = Working::new(self)?;
         let Some((records, shaped)) = working.fitted_frames(observe, stop)? else { return Ok(None) };
-        working.write_data(&records, &shaped, observe).map(Some)
+        working.write_data(&records, &shaped, observe, stop)
     }
 
     /// Registers the subject, and leaves the motion of every sequence in place of data; their files are returned with the report.

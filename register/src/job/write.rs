@@ -1,6 +1,7 @@
 //! The data that a job leaves: frames that lie on their scans, in X-Humans' layout, and the report of all.
 
 use std::io::Write;
+use std::sync::atomic::AtomicBool;
 
 use xavatar_body::{BodyParameters, Gender, HandPose, Pose, PoseAxisAngle, Role, smplx};
 use xavatar_data::{FrameFolder, write_common};
@@ -14,13 +15,14 @@ use crate::landmarks::{LANDMARKS_FILE, write_own};
 use crate::linear::{FramePose, so3};
 
 impl Working<'_> {
-    /// Writes all frames that are registered, and the report.
+    /// Writes all frames that are registered, and the report; none if the job was stopped.
     pub(super) fn write_data(
         &self,
         records: &[Option<Record>],
         shaped: &Shaped,
         observe: &mut Observer<'_>,
-    ) -> Result<RegistrationReport> {
+        stop: &AtomicBool,
+    ) -> Result<Option<RegistrationReport>> {
         let reports = self.reports(records);
         let betas: Vec<f32> = shaped.shape.iter().map(|value| *value as f32).collect();
         write_common(&self.job.out, self.job.scans.gender.unwrap_or(Gender::Neutral), &betas)?;
@@ -33,7 +35,10 @@ impl Working<'_> {
                 None => folder.clear()?,
             }
         }
-        self.write_report(reports, shaped)
+        if self.job.offsets && !self.write_free_forms(records, &reports, shaped, observe, stop)? {
+            return Ok(None);
+        }
+        self.write_report(reports, shaped).map(Some)
     }
 
     /// What became of every frame, in order.

@@ -82,6 +82,8 @@ pub struct OpenScans<'a> {
     known: Known,
     /// The body.
     pub body: BodyModel,
+    /// Whether bodies are also to be moved vertex by vertex onto their scans.
+    pub offsets: bool,
 }
 
 impl ScanArguments {
@@ -108,7 +110,7 @@ impl ScanArguments {
         scans.gender = Some(gender);
         let (body, labels) = load_body(&self.body, gender)?;
         let shape = self.shape.as_deref().map(|path| shape_in(path, body.shape_coefficients())).transpose()?;
-        Ok(OpenScans { arguments: self, scans, labels, known: Known { shape, bare: false }, body })
+        Ok(OpenScans { arguments: self, scans, labels, known: Known { shape, bare: false }, body, offsets: false })
     }
 }
 
@@ -143,6 +145,7 @@ impl OpenScans<'_> {
             known: self.known.clone(),
             shape_from: minimal.clone(),
             frames_per_second: fps.map(f64::from),
+            offsets: self.offsets,
             out: out.into(),
         };
         Ok(work(&job, &mut show, stop)?)

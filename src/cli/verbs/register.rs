@@ -34,6 +34,9 @@ pub struct Register {
     /// A sequence that is for tests, as NAME=test; may be given again [default: folders train and test; else the last of several]
     #[arg(long = "take", value_name = "NAME=test", value_parser = test_sequence)]
     test: Vec<String>,
+    /// Also write each body moved vertex by vertex onto its scan, clothes and all, to DATA/offsets
+    #[arg(long)]
+    offsets: bool,
     /// Go on with the registration in DATA
     #[arg(long)]
     resume: bool,
@@ -45,7 +48,8 @@ impl Register {
     pub fn run(self) -> anyhow::Result<Outcome> {
         self.json.check()?;
         files::new_or_resumed(&self.out, self.resume)?;
-        let scans = self.scans.open(&self.test)?;
+        let mut scans = self.scans.open(&self.test)?;
+        scans.offsets = self.offsets;
         let mut progress = Progress::new();
         let registered = scans.registered(&self.out, &mut progress, |job, observe, stop| job.run(observe, stop))?;
         progress.finish();
@@ -98,6 +102,7 @@ pub fn registered_first(
         scans: ScanArguments::new(scans.folder, body.clone(), landmarks, models),
         out: out.clone(),
         test: Vec::new(),
+        offsets: false,
         resume: true,
         json: JsonArgument::default(),
     };

@@ -7,7 +7,7 @@ use tempfile::TempDir;
 use xavatar::body::Pose;
 use xavatar::body::smplx::Parameters;
 use xavatar::data::{FrameId, Split, Subject, read_frame, read_motion};
-use xavatar::mesh::write_obj;
+use xavatar::mesh::{SurfaceIndex, TriangleMesh, read_mesh, write_obj};
 use xavatar::register::landmarks::{LANDMARKS_FILE, LandmarkFiles};
 use xavatar::synthetic::BuiltInSubject;
 
@@ -135,6 +135,19 @@ fn bare_scans_with_landmarks_become_data_to_train_on() {
             assert_eq!(bytes, other, "{}", path.display());
         }
     }
+
+    // Moved onto its scan vertex by vertex, the body has its own faces, and lies on it as bodies under clothes do not.
+    assert_outcome(&[&register[..], &["--resume", "--offsets"]].concat(), 0, &["registered         4 of 4 frames"]);
+    let subject = Subject::open(&out).unwrap();
+    let scan = SurfaceIndex::new(&subject.train[1].read_scan().unwrap().mesh).unwrap();
+    let [moved, registered] = ["offsets/train/Take1/f00002.ply", "train/Take1/SMPLX/mesh-f00002_smplx.ply"]
+        .map(|file| read_mesh(out.join(file)).unwrap().mesh);
+    let off = |mesh: &TriangleMesh| {
+        let distances = mesh.vertices.iter().map(|place| scan.closest(*place).distance);
+        distances.sum::<f32>() / mesh.vertices.len() as f32
+    };
+    assert_eq!(moved.faces, registered.faces);
+    assert!(off(&moved) < 0.5 * off(&registered), "{} {}", off(&moved), off(&registered));
 }
 
 #[test]
