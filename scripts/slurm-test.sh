@@ -27,8 +27,13 @@ export SLURM_CONF=$folder/slurm.conf
 processes_of() {
     # Of those that end meanwhile grep complains.
     { grep -lsz "^SLURM_CONF=$SLURM_CONF$" /proc/[0-9]*/environ || true; } | cut -d/ -f3 | while read -r process; do
-        if grep -qsz -e "^SLURMD_NODENAME=$1$" -e "^XAVATAR_TEST_NODE=$1$" "/proc/$process/environ"; then echo "$process"; fi
-    done
+        if grep -qsz -e "^SLURMD_NODENAME=$1$" -e "^XAVATAR_TEST_NODE=$1$" "/proc/$process/environ"; then
+            echo "$process"
+            # What watches over a task has written its title over its environment.
+            parent=$(sed -n 's/^PPid:\t//p' "/proc/$process/status" 2> /dev/null || true)
+            if grep -qs slurmstepd "/proc/$parent/comm"; then echo "$parent"; fi
+        fi
+    done | sort -u
 }
 end() {
     [ -z "${KEEP-}" ] || cp -r "$folder" "$KEEP"
@@ -133,7 +138,9 @@ await $control 100
 # The other node is gone with all that runs on it; Slurm finds out by itself.
 victims=$(processes_of two)
 running=$(squeue --noheader --nodelist=two --format=%i | tr '\n' ' ')
-kill -KILL $victims
+# All at once: what watches over a task would tell that it was killed, and Slurm would take it for ended. Some may be over by now.
+kill -STOP $victims 2> /dev/null || true
+kill -KILL $victims 2> /dev/null || true
 echo "node two is lost while it has task $running"
 lost=$(date +%s)
 while squeue --noheader --format=%T | grep -q .; do
