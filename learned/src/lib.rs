@@ -5,7 +5,8 @@
 //! of one person from a few registrations, with how sure it is, [`blsm`] one whose bones and flesh are apart. [`spiral`] has networks on meshes, on candle.
 //! [`attributes`] makes people of a height and a weight, [`evaluation`] measures. What comes out are body files like any other.
 //!
-//! Everything is computed in double precision, with the same bits whatever the threads; of [`spiral`] that is known for one number of threads alone. Metres, radians, Y up.
+//! Everything is computed in double precision, with the same bits whatever the threads; but for the networks of [`spiral`], which learn in single
+//! precision, and of which that is known for one number of threads alone. Metres, radians, Y up.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

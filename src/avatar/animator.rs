@@ -97,9 +97,7 @@ impl<'a> Animator<'a> {
         mesh.vertices.iter_mut().for_each(|vertex| *vertex += pose.translation);
         Ok(Extraction { mesh, dropped_components: others })
     }
-}
 
-impl Animator<'_> {
     /// The pose near a registered one in which the avatar lies on a scan, in its own shape. Faces are as registered.
     ///
     /// # Errors

@@ -28,6 +28,7 @@ pub use correspondence::{Correspondence, PosedField};
 pub use evaluate::{BLOCK_ROWS, FieldEvaluator, Shade};
 pub use gradients::{FieldGradients, FieldRates, SummedGradients};
 pub use per_field::PerField;
+pub(crate) use pose_fit::median;
 pub use pose_fit::{CapturedPoints, FittedPose, PoseFit};
 pub use posed::{FieldPose, Poser, bone_rows};
 pub use skinning::{Blend, PosedWarp, Skinning, SkinningBinding, SkinningGradient, SummedSkinning};

@@ -8,6 +8,7 @@ use glam::{DVec3, Mat3, Vec3};
 use xavatar_deformer::Jacobian;
 use xavatar_register::linear::{Basis, Besides, Extents, FramePose, Linkage, NormalEquations, Row, Unknowns, so3};
 
+use super::skinning::image;
 use super::{FieldPose, Fields, PosedField, Poser};
 use crate::Result;
 use crate::body::{BodyModel, Pose, Role};
@@ -128,7 +129,7 @@ impl<'a> PoseFit<'a> {
 
         let chain = linkage.posed(pose, shape);
         let basis = Basis { linkage, chain: &chain, unknowns };
-        let bones = body.canonical_to_posed(&body_pose)?;
+        let bones = &field_pose.bones;
         let weights = posed.evaluator.weights(&roots);
         let mut equations = NormalEquations::new(unknowns.count());
         let mut row = Row::default();
@@ -142,7 +143,7 @@ impl<'a> PoseFit<'a> {
             pulls.clear();
             pulls.extend(bones.iter().zip(weights).map(|(bone, weight)| {
                 let weight = f64::from(*weight);
-                (bone.transform_point3(Vec3::from_array(*root)).as_dvec3() * weight, weight)
+                (image(bone, *root).as_dvec3() * weight, weight)
             }));
             basis.skinned_row(&mut pulls, *normal, &mut row);
             equations.add(&row, -distance, share * (1.0 + (distance / SCALE).powi(2)).powi(-2));
@@ -181,7 +182,8 @@ fn distances(posed: &PosedField, roots: &[[f32; 3]], targets: &[Vec3]) -> Vec<(f
     values.iter().zip(&gradients).zip(&jacobians).map(distance).collect()
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+/// The middle one; of none, 0.
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or_default()
 }

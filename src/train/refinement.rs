@@ -16,7 +16,7 @@ use super::drawn::{Origin, PosedSamples};
 use crate::Result;
 use crate::body::{Pose, PoseAxisAngle, Role};
 use crate::data::Capture;
-use crate::fields::{CapturedPoints, Fields, FittedPose, PoseFit, Poser};
+use crate::fields::{CapturedPoints, Fields, FittedPose, PoseFit, Poser, median};
 
 /// A pose that takes a registered one's place.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,11 +94,7 @@ impl<'a> PoseRefiner<'a> {
         let common = Correction::mean(&corrections);
         let pose =
             |(correction, registered): (&Correction, &FramePose)| correction.without(&common).applied(registered);
-        let median_of = |distance: fn(&FittedPose) -> f64| {
-            let mut distances: Vec<f64> = fitted.iter().map(distance).collect();
-            distances.sort_unstable_by(f64::total_cmp);
-            distances.get(distances.len() / 2).copied().unwrap_or_default()
-        };
+        let median_of = |distance: fn(&FittedPose) -> f64| median(fitted.iter().map(distance).collect());
         let refined = Refined { before: median_of(|fitted| fitted.before), after: median_of(|fitted| fitted.after) };
         (corrections.iter().zip(&registered).map(pose).collect(), refined)
     }
@@ -155,6 +151,37 @@ impl Correction {
         RefinedPose {
             rotations: turned.map(|rotation| PoseAxisAngle(so3::log(&rotation).as_vec3())).collect(),
             translation: (registered.translation + registered.rotations[0] * self.shift).as_vec3(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Two frames that are off in opposite ways, and both in a third, which is the avatar's own.
+    #[test]
+    fn what_all_corrections_have_in_common_is_not_applied() {
+        let pose = |turns: [DVec3; 2], translation: DVec3| FramePose {
+            rotations: turns.map(so3::exp).to_vec(),
+            translation,
+            expression: Vec::new(),
+        };
+        let registered = pose([DVec3::new(0.0, 0.5, 0.0), DVec3::new(0.2, 0.0, -0.3)], DVec3::new(0.1, 1.0, 0.0));
+        let (common, own) = (DVec3::new(0.02, 0.0, 0.0), DVec3::new(0.0, 0.0, 0.03));
+        let corrected = |sign: f64| {
+            let turn = common + own * sign;
+            Correction { turns: vec![DVec3::ZERO, turn], shift: turn * 0.1 }
+        };
+        let corrections = [corrected(1.0), corrected(-1.0)];
+        let common = Correction::mean(&corrections);
+        for (correction, sign) in corrections.iter().zip([1.0, -1.0]) {
+            let refined = correction.without(&common).applied(&registered);
+            let expected = registered.rotations[1] * so3::exp(own * sign);
+            let turn = so3::exp(refined.rotations[1].0.as_dvec3());
+            assert!((turn - expected).to_cols_array().iter().all(|entry| entry.abs() < 1e-6));
+            let shift = registered.rotations[0] * own * (0.1 * sign);
+            assert!(refined.translation.as_dvec3().distance(registered.translation + shift) < 1e-6);
         }
     }
 }

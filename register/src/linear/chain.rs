@@ -211,9 +211,7 @@ impl Basis<'_> {
             row.push(unknowns, linkage.extents.coefficient(index), n.dot(*slope));
         }
     }
-}
 
-impl Basis<'_> {
     /// Makes `row` the derivative of n . v by turns and translation, of a point v = sum_j w_j (B_j x) that bones move and no corrective
     /// does. `pulls` (J) are w_j B_j x, without translation, and w_j; the sums over each joint's subtree take their place.
     pub fn skinned_row(self, pulls: &mut [(DVec3, f64)], n: DVec3, row: &mut Row) {

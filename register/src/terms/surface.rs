@@ -27,9 +27,8 @@ pub struct SurfaceTerm {
     pub along: f64,
 }
 
-/// How a part that the scan does not show is compared: where it sticks out of the scan, which shows all that is outside.
-const HIDDEN: SurfaceTerm =
-    SurfaceTerm { normal_weight: 0.0, reach: 0.05, deviation: 0.006, seekers: Seekers::None, along: 0.0 };
+/// Reach and deviation of what sticks out of a scan that does not show it, for it shows all that is outside, metres.
+const HIDDEN: (f64, f64) = (0.05, 0.006);
 
 /// The body that is compared.
 #[derive(Clone, Copy)]
@@ -45,10 +44,6 @@ pub struct Dressed<'a> {
 }
 
 impl SurfaceTerm {
-    fn weight(&self, distance: f64, cosine: f64) -> f64 {
-        robust::weight(distance, self.reach) * cosine.max(0.0) / self.deviation.powi(2)
-    }
-
     /// Adds the term of a posed body to a frame's equations.
     ///
     /// # Errors
@@ -90,7 +85,7 @@ impl Adder<'_> {
             let (way, cosine) = (q - outside, normal.dot(n));
             let weight = match self.is_unseen(vertex) {
                 false => self.weight(way.length(), cosine),
-                true if n.dot(way) < 0.0 => HIDDEN.weight(way.length(), cosine),
+                true if n.dot(way) < 0.0 => weight(HIDDEN, way.length(), cosine),
                 true => 0.0,
             };
             self.add_rows(vertex, n, way, weight * self.body.model.weights[vertex]);
@@ -121,7 +116,7 @@ impl Adder<'_> {
     }
 
     fn weight(&self, distance: f64, cosine: f64) -> f64 {
-        self.term.weight(distance, cosine)
+        weight((self.term.reach, self.term.deviation), distance, cosine)
     }
 
     fn is_unseen(&self, vertex: usize) -> bool {
@@ -145,4 +140,8 @@ impl Adder<'_> {
             DVec3::AXES.into_iter().for_each(|axis| add(axis, weight * self.term.along));
         }
     }
+}
+
+fn weight((reach, deviation): (f64, f64), distance: f64, cosine: f64) -> f64 {
+    robust::weight(distance, reach) * cosine.max(0.0) / deviation.powi(2)
 }

@@ -19,6 +19,7 @@ pub use binding::SkinningBinding;
 pub use blend::Blend;
 pub use gradient::{SkinningGradient, SummedSkinning};
 pub use warp::PosedWarp;
+pub(super) use warp::image;
 
 use crate::Result;
 use crate::body::Skeleton;

@@ -164,7 +164,7 @@ impl<'a> PosedWarp<'a> {
 }
 
 /// A x~.
-fn image(transform: &BoneTransform<f32>, point: [f32; 3]) -> Vec3 {
+pub(in crate::fields) fn image(transform: &BoneTransform<f32>, point: [f32; 3]) -> Vec3 {
     let row = |r: usize| Vec3::from_slice(&transform[4 * r..]).dot(Vec3::from_array(point)) + transform[4 * r + 3];
     Vec3::new(row(0), row(1), row(2))
 }
