@@ -3,6 +3,8 @@
 #   scripts/kill-test.sh [COUNT] [SEED]      COUNT kills at random moments [20]; 200 take some minutes
 #   scripts/kill-test.sh --each-call COUNT WRITES [STEP]   kills at each of the first COUNT calls that make, rename, sync, lock or remove files, and
 #                                                          at every STEP-th [1] of the first WRITES writes; needs strace
+#   scripts/kill-test.sh --power-loss        lets the power fail after each call that changes a file or syncs it: what was not synced is lost, or
+#                                            leaves zeros under its name (scripts/disk_states.py); needs strace and python3
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -70,6 +72,23 @@ if [ "${1-}" = --each-call ]; then
     kill_at_each mkdir,rename,renameat,renameat2,unlink,ftruncate,fsync,fdatasync,flock "$2" 1
     kill_at_each write "$3" "${4-1}"
     echo "$kills kills, at each of $2 calls and at every ${4-1}. of $3 writes: all runs resumed and identical"
+    exit
+fi
+
+if [ "${1-}" = --power-loss ]; then
+    run=$folder/run
+    changing=openat,mkdir,mkdirat,rename,renameat,renameat2,unlink,unlinkat,rmdir,ftruncate,write,pwrite64,writev,copy_file_range,sendfile
+    resume='' train "$run" strace -f -qq -y -xx -s 268435456 -o "$folder/calls" -e trace="$changing",lseek,fsync,fdatasync,close
+    python3 scripts/disk_states.py "$folder/calls" "$run" "$folder/states"
+    states=0
+    for state in "$folder"/states/*; do
+        rm -rf "$run"
+        if [ -e "$state/run" ]; then mv "$state/run" "$run"; fi
+        go_on "$run" || fail "resuming from disk ${state##*/}"
+        compare "$run"
+        states=$((states + 1))
+    done
+    echo "$states disks as power losses may leave them: all runs resumed and identical"
     exit
 fi
 

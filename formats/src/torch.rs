@@ -1,7 +1,7 @@
 //! PyTorch files (`torch.save` since PyTorch 1.6: `.pth`, `.pt`, Lightning's `.ckpt`), read without PyTorch and without running anything.
 //!
 //! A zip archive of uncompressed members: `NAME/data.pkl`, a pickle in which tensors refer to storages; `NAME/data/KEY`, their
-//! bytes; `NAME/byteorder`. Nothing is copied before a tensor asks for it, on the file's [`Budget`].
+//! bytes; `NAME/byteorder`; in TorchScript's, `NAME/code/...`, which is not looked at. Nothing is copied before a tensor asks for it, on the file's [`Budget`].
 
 use std::collections::HashMap;
 use std::io::{self, Cursor};
@@ -31,7 +31,8 @@ pub(crate) fn is_archive(bytes: &[u8]) -> bool {
 
 /// Reads a file written by `torch.save`: dicts, lists and numbers, tensors as [`Value::Array`].
 ///
-/// Objects in which training frameworks keep settings (omegaconf, Lightning) are passed over, as `None`.
+/// Objects in which training frameworks keep settings (omegaconf, Lightning) are passed over, as `None`; modules of TorchScript
+/// (`torch.jit.save`) are dicts of their attributes.
 ///
 /// # Errors
 /// [`Error::Refused`] names what the file wants to have called, if that is not on the allow-list; [`Error::Mismatch`] says how
@@ -74,7 +75,7 @@ pub fn parse_torch(bytes: &[u8]) -> std::result::Result<Value, Fault> {
     interpret_with_tensors(pickle, &storages, &Budget::of_file(bytes.len())).map_err(|fault| fault.within("data.pkl"))
 }
 
-/// The bytes of every member, where they lie in the file.
+/// The bytes of every member but code, where they lie in the file.
 fn members(bytes: &[u8]) -> std::result::Result<HashMap<String, &[u8]>, Fault> {
     let broken = |error: zip::result::ZipError| Fault::malformed("zip directory", error, "a zip archive");
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(broken)?;
@@ -85,6 +86,9 @@ fn members(bytes: &[u8]) -> std::result::Result<HashMap<String, &[u8]>, Fault> {
     for index in 0..archive.len() {
         let mut member = archive.by_index(index).map_err(broken)?;
         let name = member.name().map_err(broken)?.into_owned();
+        if name.split('/').nth(1) == Some("code") {
+            continue;
+        }
         if member.compression() != CompressionMethod::Stored || member.encrypted() {
             return Err(Fault::refused(format_args!("member {name:?} to be unpacked, where torch.save packs nothing")));
         }

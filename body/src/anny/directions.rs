@@ -9,6 +9,7 @@ use glam::DVec3;
 use super::Body;
 use super::phenotype::Phenotype;
 use super::t_pose::TPose;
+use crate::imported::{Direction, Directions};
 use xavatar_formats::Result;
 
 /// Expressions of the format.
@@ -115,51 +116,15 @@ const ONE_SIDED: [&str; 16] = [
     "tongueOut",
 ];
 
-/// A direction of the body.
-pub(super) struct Direction {
-    pub name: String,
-    /// What a unit moves the vertices by (V).
-    pub offsets: Vec<DVec3>,
-    /// What it moves the joints by (55).
-    pub joints: Vec<DVec3>,
-}
-
-/// Shapes, then expressions.
-pub(super) struct Directions {
-    pub shapes: Vec<Direction>,
-    pub expressions: Vec<Direction>,
-}
-
-impl Directions {
-    pub fn of(body: &mut Body, phenotype: &Phenotype, neutral: &[DVec3], pose: &TPose) -> Result<Self> {
-        let shapes = SHAPES.iter().map(|shape| shape_direction(body, shape, phenotype, neutral));
-        Ok(Self { shapes: shapes.collect::<Result<_>>()?, expressions: strongest_actions(body, pose)? })
-    }
-
-    /// All, shapes first.
-    pub fn all(&self) -> impl Iterator<Item = &Direction> + Clone {
-        self.shapes.iter().chain(&self.expressions)
-    }
-
-    /// How many there are.
-    pub fn count(&self) -> usize {
-        self.shapes.len() + self.expressions.len()
-    }
-
-    /// As in a model's file: (V, 3, directions), row-major.
-    pub fn interleaved(&self) -> Vec<f32> {
-        let vertices = self.shapes.first().map_or(0, |shape| shape.offsets.len());
-        let all = || self.all();
-        (0..3 * vertices).flat_map(|at| all().map(move |direction| direction.offsets[at / 3][at % 3] as f32)).collect()
-    }
-
-    pub fn shape_names(&self) -> Vec<String> {
-        self.shapes.iter().map(|shape| shape.name.clone()).collect()
-    }
-
-    pub fn expression_names(&self) -> Vec<String> {
-        self.expressions.iter().map(|expression| expression.name.clone()).collect()
-    }
+/// The shapes of a phenotype, and the strongest expressions.
+pub(super) fn directions_of(
+    body: &mut Body,
+    phenotype: &Phenotype,
+    neutral: &[DVec3],
+    pose: &TPose,
+) -> Result<Directions> {
+    let shapes = SHAPES.iter().map(|shape| shape_direction(body, shape, phenotype, neutral));
+    Ok(Directions { shapes: shapes.collect::<Result<_>>()?, expressions: strongest_actions(body, pose)? })
 }
 
 fn shape_direction(body: &mut Body, shape: &Shape, phenotype: &Phenotype, neutral: &[DVec3]) -> Result<Direction> {

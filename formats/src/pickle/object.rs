@@ -2,6 +2,7 @@
 //!
 //! - scipy `csc_matrix`, `csr_matrix` (and `_array`): densified, duplicates added up, as `toarray()` does;
 //! - joblib `NumpyArrayWrapper`: an array already, once it has its state (see [`super::callables`]);
+//! - modules of TorchScript: the dict of their attributes;
 //! - chumpy `Ch`: its array `x`; `Select` (`shapedirs` of SMPL files): the elements `idxs` of the flattened `a`.
 
 use std::sync::Arc;
@@ -17,6 +18,11 @@ pub(super) fn is_known_class(class: &str) -> bool {
     class.starts_with("chumpy.") || sparse_layout(class).is_some() || is_inline_array(class)
 }
 
+/// Whether the class is one that TorchScript wrote with its code, which is not looked at.
+pub(super) fn is_scripted(class: &str) -> bool {
+    class.starts_with("__torch__.")
+}
+
 /// Whether the class stands for an array whose bytes come after it in the file.
 pub(super) fn is_inline_array(class: &str) -> bool {
     class == "joblib.numpy_pickle.NumpyArrayWrapper"
@@ -24,6 +30,9 @@ pub(super) fn is_inline_array(class: &str) -> bool {
 
 /// The value that an instance with this state stands for.
 pub(super) fn resolve(class: &str, state: Value, budget: &Budget) -> Result<Value, Fault> {
+    if is_scripted(class) {
+        return Ok(state);
+    }
     let value = match sparse_layout(class) {
         Some(layout) => dense(layout, &state, budget),
         None => wrapped(class, &state, budget),

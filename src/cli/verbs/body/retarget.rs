@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use serde::Serialize;
-use xavatar::body::{BodyModel, Fingers, Gender, HandPose, Pose, PoseAxisAngle, Skeleton, smplx};
+use xavatar::body::{BodyModel, Gender, Pose, Skeleton, smplx};
 use xavatar::data::{Motion, MotionOptions, PosedClip, RestPose, onto_legs, write_motion};
 use xavatar::export::{RiggedMesh, write_glb};
 use xavatar::formats::{ArrayFile, write_npz};
@@ -142,7 +142,7 @@ impl Retarget {
             clip.poses.iter().map(|pose| source.transfer(pose, smplx::skeleton()).pose).collect();
         let legs = onto_legs(&mut poses, from, &to);
         let motion = Motion {
-            frames: poses.iter().map(named).collect(),
+            frames: poses.iter().map(|pose| smplx::Parameters { betas: Vec::new(), ..pose.into() }).collect(),
             frames_per_second: Some(clip.frames_per_second),
             ..Motion::default()
         };
@@ -159,25 +159,5 @@ impl Retarget {
 
     fn is_glb(&self) -> bool {
         self.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb"))
-    }
-}
-
-/// A pose of SMPL-X's skeleton by the names of its parts.
-fn named(pose: &Pose) -> smplx::Parameters {
-    use smplx::joint::{JAW, LEFT_EYE, LEFT_HAND, RIGHT_EYE, RIGHT_HAND};
-    let turn = |joint: usize| pose.rotations.get(joint).copied().unwrap_or_default();
-    let fingers = |first: usize| -> Fingers { std::array::from_fn(|finger| turn(first + finger)) };
-    let body: [PoseAxisAngle; smplx::BODY_JOINTS] = std::array::from_fn(|joint| turn(1 + joint));
-    smplx::Parameters {
-        expression: pose.expression.clone(),
-        global_orient: turn(0),
-        body_pose: body,
-        jaw_pose: turn(JAW),
-        left_eye_pose: turn(LEFT_EYE),
-        right_eye_pose: turn(RIGHT_EYE),
-        left_hand_pose: HandPose::Flat(fingers(LEFT_HAND.start)),
-        right_hand_pose: HandPose::Flat(fingers(RIGHT_HAND.start)),
-        transl: pose.translation,
-        ..smplx::Parameters::default()
     }
 }

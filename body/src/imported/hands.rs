@@ -16,7 +16,7 @@ const RELAXED: [[f64; 3]; 5] =
 const INDEPENDENT: f64 = 1e-6;
 
 /// What hand poses are relative to.
-pub(super) struct Space {
+pub(crate) struct Space {
     /// (45).
     pub mean: Vec<f64>,
     /// (45, 45), orthonormal rows.
@@ -33,7 +33,7 @@ struct Axes {
 }
 
 /// The pose space of the `side`'s hand of a body whose joints (55) are these.
-pub(super) fn space(joints: &[DVec3], side: &str) -> Space {
+pub(crate) fn space(joints: &[DVec3], side: &str) -> Space {
     let axes: Vec<Axes> = (0..SIZE / 3).map(|place| axes(joints, side, place)).collect();
     let relaxed = axes.iter().enumerate().map(|(place, axes)| axes.flex * RELAXED[place / 3][place % 3].to_radians());
     let thumb = FINGERS.len() - 1;

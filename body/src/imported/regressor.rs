@@ -2,8 +2,7 @@
 
 use glam::DVec3;
 
-use super::directions::Directions;
-use super::joints::COUNT;
+use super::{COUNT, Direction, Directions};
 use crate::joint_regressor::{JointFit, Motion};
 use crate::smplx;
 
@@ -21,7 +20,7 @@ pub(super) fn fitted(
     let moves =
         |vertex: usize| directions.expressions.iter().any(|action| action.offsets[vertex].abs().max_element() > QUIET);
     let is_quiet: Vec<bool> = (0..template.len()).map(|vertex| !moves(vertex)).collect();
-    let motion = |direction: &super::directions::Direction, joint: usize| (direction.joints[joint], 1.0);
+    let motion = |direction: &Direction, joint: usize| (direction.joints[joint], 1.0);
     let fit = |joint: usize| {
         let is_eye = eyes.contains(&joint);
         let near = |vertex: &usize| match is_eye {
