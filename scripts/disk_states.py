@@ -181,7 +181,8 @@ def main():
     for call in finished_calls(calls):
         if not disk.replay(*call):
             continue
-        for names_outlast in (False, True):
+        # Between writes, files with zeros differ by their lengths alone.
+        for names_outlast in (False, True) if call[0] != "write" else (False,):
             left = disk.after_power_loss(names_outlast)
             state = hashlib.sha256(repr(sorted(left.items())).encode()).digest()
             if state in seen:

@@ -40,7 +40,7 @@ use self::distances::Distances;
 use self::inspection::{Inspector, Observation};
 use self::judgement::{Judged, Looked};
 use super::{FrameFiles, FrameNotes, ScanFrame, ScanPlacement, Subject, read_frame};
-use xavatar_body::{BodyModel, PartLabels};
+use xavatar_body::{BodyModel, PartLabels, Skeleton};
 use xavatar_formats::Result;
 use xavatar_mesh::Note;
 
@@ -164,7 +164,7 @@ pub fn check(
         mend,
     };
     let (problems, warnings) =
-        report.of_subject(subject, &notes).into_iter().chain(findings).partition(|finding| finding.name.is_problem());
+        report.of_subject(subject, body.skeleton(), &notes).into_iter().chain(findings).partition(|finding| finding.name.is_problem());
     (report.problems, report.warnings) = (problems, warnings);
     Ok(report)
 }
@@ -248,7 +248,7 @@ impl CheckReport {
     }
 
     /// Findings about the subject as a whole.
-    fn of_subject(&self, subject: &Subject, notes: &FrameNotes) -> Vec<Finding> {
+    fn of_subject(&self, subject: &Subject, skeleton: &Skeleton, notes: &FrameNotes) -> Vec<Finding> {
         let usable = |split: &str| {
             let of_split = self.sequences.iter().filter(|sequence| sequence.split == split);
             of_split.map(|sequence| sequence.frames - sequence.unusable).sum::<usize>()
@@ -272,7 +272,7 @@ impl CheckReport {
                 format!("{broken} training {frames} cannot be read: mend, remove or leave them out"),
             );
         }
-        if !PLAUSIBLE_HEIGHT.contains(&self.body_height) {
+        if skeleton.is_whole_body() && !PLAUSIBLE_HEIGHT.contains(&self.body_height) {
             let height = self.body_height;
             add(Defect::BodyHeight, format!("the body is {height:.2} m high: is its shape of this subject and model?"));
         }

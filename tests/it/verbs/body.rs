@@ -8,7 +8,7 @@ use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
 use xavatar::mesh::{Colouring, TriangleMesh, read_mesh, write_ply};
 
-use super::tool::{TINY, assert_outcome, borrowed, data, outcome, text};
+use super::tool::{TINY, assert_outcome, borrowed, data, outcome, run, text};
 
 /// The tiny files of the references, and what they are.
 const TINY_FILES: [(&str, &str, usize); 7] = [
@@ -307,6 +307,18 @@ fn smplh_goes_all_the_way() {
 #[test]
 fn smplx_goes_all_the_way() {
     goes_all_the_way("tiny_smplx.npz", true);
+}
+
+// The height of a hand says nothing of whose it is.
+#[test]
+fn check_asks_a_hand_for_no_plausible_height() {
+    let folder: TempDir = tempfile::tempdir().unwrap();
+    let body = fleshed("tiny_mano.npz", folder.path());
+    let subject = subject(&body, folder.path());
+    let output = run(&["check", text(&subject), "--body", text(&body), "--json", "-"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(report["body_height"].as_f64().is_some_and(|height| height < 1.0));
+    assert!(!report.to_string().contains("body-height"), "{report}");
 }
 
 #[test]
