@@ -88,7 +88,7 @@ impl Avatar {
         let networks = Networks::of(checkpoint, &value)?;
         let (skeleton, condition) = (body.skeleton(), Condition::new(body.skeleton(), body.expression_coefficients()));
         let config = networks.configuration(meta.representation, &condition, skeleton)?;
-        let bounds = canonical_box(&body.canonical_vertices(&meta.betas, &[])?);
+        let bounds = canonical_box(body.skeleton(), &body.canonical_vertices(&meta.betas, &[])?);
         let fields = Fields::read(&networks.tensors, checkpoint, &config.fields, skeleton, &condition, bounds)
             .map_err(|error| networks.refuse(error.to_string(), "parameters that fit one another"))?;
         let mut known = TensorFile::default();

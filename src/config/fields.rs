@@ -46,7 +46,7 @@ pub struct SkinningShape {
     pub blend: u32,
 }
 
-/// How fine a skinning field's grid is.
+/// How fine a skinning field's grid is: on a whole body; on a hand or a head alone it is finer, in proportion to its size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VoxelShape {

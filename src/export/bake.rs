@@ -98,28 +98,15 @@ pub fn bake_texture(
     size: u32,
     mut progress: impl FnMut(usize, usize),
 ) -> Result<Baked> {
-    let unwrapped = Unwrapped::new(mesh, size, PADDING)?;
-    let texels = Texels::new(&unwrapped);
-    let places: Vec<(usize, Vec3)> = texels.places(mesh);
-    let mut image = RgbImage::new(unwrapped.width, unwrapped.height);
-    let mut done = 0;
-    for batch in places.chunks(BATCH) {
-        let points: Vec<Vec3> = batch.iter().map(|(_, point)| *point).collect();
-        for ((texel, _), colour) in batch.iter().zip(avatar.colours(&points)?) {
-            image.put_pixel(*texel as u32 % unwrapped.width, *texel as u32 / unwrapped.width, Rgb(colour));
-        }
-        done += batch.len();
-        progress(done, places.len());
-    }
-    spread(&mut image, places.iter().map(|(texel, _)| *texel));
-    let covered = texels.inside;
-    let textured = unwrapped.textured(mesh, image);
+    let charts = Charts::new(mesh, size)?;
+    let textured = charts.painted(mesh, |points| avatar.colours(points), &mut progress)?;
+    let Charts { unwrapped, inside, .. } = charts;
     let (psnr, vertex_psnr) = (fidelity(avatar, &textured)?, fidelity(avatar, mesh)?);
     let report = TextureReport {
         width: unwrapped.width,
         height: unwrapped.height,
         charts: unwrapped.charts,
-        coverage: covered as f64 / (f64::from(unwrapped.width) * f64::from(unwrapped.height)),
+        coverage: inside as f64 / (f64::from(unwrapped.width) * f64::from(unwrapped.height)),
         texels_per_metre: unwrapped.texels_per_metre,
         psnr,
         vertex_psnr,
@@ -127,20 +114,26 @@ pub fn bake_texture(
     Ok(Baked { mesh: textured, sources: unwrapped.sources, report })
 }
 
-/// Which face each texel shows.
-struct Texels<'a> {
-    unwrapped: &'a Unwrapped,
+/// The charts of a surface and the face that each texel shows: made once for all of the surface's poses.
+#[derive(Clone, Debug)]
+pub struct Charts {
+    unwrapped: Unwrapped,
     /// Row by row; [`NONE`] where there is no surface.
     faces: Vec<u32>,
     /// Texels whose centre is on the surface.
     inside: usize,
 }
 
-impl<'a> Texels<'a> {
-    fn new(unwrapped: &'a Unwrapped) -> Self {
+impl Charts {
+    /// Cuts `mesh` into charts on an image of at most `size` x `size` texels.
+    ///
+    /// # Errors
+    /// [`InputError::Value`](crate::InputError::Value) if they do not fit.
+    pub fn new(mesh: &TriangleMesh, size: u32) -> Result<Self> {
+        let unwrapped = Unwrapped::new(mesh, size, PADDING)?;
         let (width, height) = (unwrapped.width as usize, unwrapped.height as usize);
         let mut texels = Self { unwrapped, faces: vec![NONE; width * height], inside: 0 };
-        for face in 0..unwrapped.faces.len() as u32 {
+        for face in 0..mesh.faces.len() as u32 {
             let corners = texels.corners(face);
             let low = corners[0].min(corners[1]).min(corners[2]).max(Vec2::ZERO);
             let high = corners[0].max(corners[1]).max(corners[2]);
@@ -155,7 +148,33 @@ impl<'a> Texels<'a> {
         }
         texels.inside = texels.faces.iter().filter(|face| **face != NONE).count();
         texels.widen();
-        texels
+        Ok(texels)
+    }
+
+    /// `mesh`, the surface in any pose, with a texture of the `colours` of its places. `progress` hears of texels done and their number.
+    ///
+    /// # Errors
+    /// Those of `colours`.
+    pub fn painted(
+        &self,
+        mesh: &TriangleMesh,
+        colours: impl Fn(&[Vec3]) -> Result<Vec<[u8; 3]>>,
+        mut progress: impl FnMut(usize, usize),
+    ) -> Result<TriangleMesh> {
+        let Unwrapped { width, height, .. } = self.unwrapped;
+        let places: Vec<(usize, Vec3)> = self.places(mesh);
+        let mut image = RgbImage::new(width, height);
+        let mut done = 0;
+        for batch in places.chunks(BATCH) {
+            let points: Vec<Vec3> = batch.iter().map(|(_, point)| *point).collect();
+            for ((texel, _), colour) in batch.iter().zip(colours(&points)?) {
+                image.put_pixel(*texel as u32 % width, *texel as u32 / width, Rgb(colour));
+            }
+            done += batch.len();
+            progress(done, places.len());
+        }
+        spread(&mut image, places.iter().map(|(texel, _)| *texel));
+        Ok(self.unwrapped.textured(mesh, image))
     }
 
     /// Texels beside the surface show the face of a neighbour.

@@ -22,7 +22,7 @@ mod skeleton;
 mod unwrap;
 mod usd;
 
-pub use bake::{Baked, TextureReport, bake_texture};
+pub use bake::{Baked, Charts, TextureReport, bake_texture};
 pub use engine::{BoneAxis, Engine};
 pub use face_units::{FaceUnitErrors, FaceUnitReport};
 pub use fewer_faces::{FewerFaces, with_fewer_faces};

@@ -8,12 +8,14 @@ use rayon::prelude::*;
 use xavatar_deformer::{Axis, Grid, StartGroups, VoxelSkinning};
 
 use crate::Result;
-use crate::body::{BodyModel, Part, PartLabels, Role};
+use crate::body::{BodyModel, Part, PartLabels, Role, Skeleton};
 use crate::config::VoxelShape;
 use crate::mesh::SolidIndex;
 
 /// Room around the canonical body for clothes and hair, metres.
-pub(crate) const MARGIN: f32 = 0.2;
+const MARGIN: f32 = 0.2;
+/// The longest side of a person, metres: a hand or a head alone has the grid's lengths in proportion.
+const PERSON: f32 = 1.7;
 /// Distance from the unclothed body from which a point is outside, metres.
 pub(crate) const CERTAINLY_OUTSIDE: f32 = 0.08;
 /// Room around hands and face that the fine cells fill, metres.
@@ -77,17 +79,21 @@ impl CanonicalGrid {
     /// If a spacing is out of range or would make too many nodes.
     pub fn new(body: &BodyModel, labels: &PartLabels, betas: &[f32], shape: VoxelShape) -> Result<Self> {
         let mesh = body.mesh(body.canonical_vertices(betas, &[])?);
-        let (low, high) = canonical_box(&mesh.vertices);
+        let (low, high) = canonical_box(body.skeleton(), &mesh.vertices);
+        let size = relative_size(body.skeleton(), &mesh.vertices);
         let detailed: Vec<(Vec3, Vec3)> = Role::FINE
             .into_iter()
             .flat_map(|role| body.skeleton().parts_of(role))
-            .map(|part| box_around(labels.vertices_of(part).iter().map(|vertex| mesh.vertices[*vertex]), FINE_MARGIN))
+            .map(|part| {
+                let vertices = labels.vertices_of(part);
+                box_around(vertices.iter().map(|vertex| mesh.vertices[*vertex]), size * FINE_MARGIN)
+            })
             .filter(|(low, high)| low.cmple(*high).all())
             .collect();
         let axis = |axis: usize| {
             let finer: Vec<_> =
-                detailed.iter().map(|(low, high)| (low[axis], high[axis], shape.fine_spacing)).collect();
-            Axis::refined(low[axis], high[axis], shape.spacing, &finer)
+                detailed.iter().map(|(low, high)| (low[axis], high[axis], size * shape.fine_spacing)).collect();
+            Axis::refined(low[axis], high[axis], size * shape.spacing, &finer)
         };
         let grid = Grid::new([axis(0)?, axis(1)?, axis(2)?])?;
         let nodes: Vec<Vec3> = (0..grid.len()).map(|node| Vec3::from_array(grid.position(node))).collect();
@@ -227,12 +233,35 @@ impl CanonicalGrid {
 }
 
 /// The canonical box of a body: its vertices and room around them.
-pub(crate) fn canonical_box(vertices: &[Vec3]) -> (Vec3, Vec3) {
-    box_around(vertices.iter().copied(), MARGIN)
+pub(crate) fn canonical_box(skeleton: &Skeleton, vertices: &[Vec3]) -> (Vec3, Vec3) {
+    box_around(vertices.iter().copied(), MARGIN * relative_size(skeleton, vertices))
+}
+
+/// How large a part of a body is beside a person; 1 for whole bodies, whatever their height.
+fn relative_size(skeleton: &Skeleton, vertices: &[Vec3]) -> f32 {
+    let (low, high) = box_around(vertices.iter().copied(), 0.0);
+    if skeleton.is_whole_body() { 1.0 } else { ((high - low).max_element() / PERSON).min(1.0) }
 }
 
 fn box_around(points: impl Iterator<Item = Vec3> + Clone, margin: f32) -> (Vec3, Vec3) {
     let low = points.clone().fold(Vec3::INFINITY, Vec3::min);
     let high = points.fold(Vec3::NEG_INFINITY, Vec3::max);
     (low - margin, high + margin)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::{mano, smplx};
+
+    #[test]
+    fn the_room_around_a_hand_is_in_proportion_and_around_a_child_as_around_anyone() {
+        let room = |skeleton: &Skeleton, size: f32| {
+            let (low, high) = canonical_box(skeleton, &[Vec3::ZERO, Vec3::splat(size)]);
+            assert_eq!(high - size, -low);
+            -low.x
+        };
+        assert_eq!(room(smplx::skeleton(), 0.7), MARGIN);
+        assert!((room(&mano::skeleton("left"), 0.17) - 0.1 * MARGIN).abs() < 1e-6);
+    }
 }

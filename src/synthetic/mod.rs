@@ -8,7 +8,7 @@ mod virtual_camera;
 pub use dance::{DANCE, dance, load_clip, load_poses};
 pub use labelled::{
     Backdrops, CameraLabels, JointLabel, LabelledPicture, LabelledPictures, Labels, People, Person, PictureFolder,
-    Recipe, Visibility,
+    Recipe, RegisteredPeople, Visibility,
 };
 pub use mannequin::{BuiltInSubject, FilmedTake};
 

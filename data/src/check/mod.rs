@@ -163,8 +163,11 @@ pub fn check(
         warnings: Vec::new(),
         mend,
     };
-    let (problems, warnings) =
-        report.of_subject(subject, body.skeleton(), &notes).into_iter().chain(findings).partition(|finding| finding.name.is_problem());
+    let (problems, warnings) = report
+        .of_subject(subject, body.skeleton(), &notes)
+        .into_iter()
+        .chain(findings)
+        .partition(|finding| finding.name.is_problem());
     (report.problems, report.warnings) = (problems, warnings);
     Ok(report)
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use xavatar::avatar::{Animator, Avatar, FixedTopology};
 use xavatar::body::{BodyModel, PartLabels, Pose};
 use xavatar::data::{ScanFrames, Source, Subject};
-use xavatar::synthetic::{Backdrops, DANCE, LabelledPictures, People, Person, PictureFolder, Recipe};
+use xavatar::synthetic::{Backdrops, DANCE, LabelledPictures, People, Person, PictureFolder, Recipe, RegisteredPeople};
 
 use crate::cli::options::inputs::{body_of, load_body};
 use crate::cli::options::meshes::resolution;
@@ -30,7 +30,8 @@ const IN_A_ROW: usize = 2;
 #[command(after_help = "Examples:\n  \
     xavatar render-dataset runs/00016 --body models/smplx --backgrounds rooms --count 1000 --out pictures\n  \
     xavatar render-dataset runs/00016 --body models/smplx --motion takes.npz --backgrounds rooms --count 1000 --out pictures\n  \
-    xavatar render-dataset data/00016 --body models/smplx --backgrounds rooms --count 1000 --out pictures\n\n\
+    xavatar render-dataset data/00016 --body models/smplx --backgrounds rooms --count 1000 --out scans\n  \
+    xavatar render-dataset data/00016 --body models/smplx --registered --backgrounds rooms --count 1000 --out bodies\n\n\
     docs/labelled-pictures.md describes the folder.")]
 pub struct RenderDataset {
     /// An avatar.safetensors, a run's folder, or a subject's folder of scans
@@ -60,6 +61,9 @@ pub struct RenderDataset {
     /// Cells along the longest side of the box around the body
     #[arg(long, value_name = "R", default_value_t = 256, value_parser = resolution)]
     resolution: usize,
+    /// Of scans: draw the bodies registered to them in the scans' colours, where the data have them those moved onto the scans (register --offsets)
+    #[arg(long)]
+    registered: bool,
     /// Extract the avatar's surface in every pose instead of skinning one: seconds a picture, but nothing stays that a pose hides
     #[arg(long)]
     extract: bool,
@@ -119,6 +123,9 @@ impl RenderDataset {
         self.json.check()?;
         let backdrops = Backdrops::of_folder(&self.backgrounds)?;
         if self.source.is_file() || self.source.join(Avatar::FILE).is_file() {
+            if self.registered {
+                wrong_usage!("--registered is for the scans of a subject: {} is an avatar", self.source.display())
+            }
             let avatar = Avatar::load(&self.source)?;
             let (body, parts) = body_of(&avatar, self.body.as_deref())?;
             let clip = self.motion_options.load(&self.motion, &avatar, Some(&body))?;
@@ -140,7 +147,12 @@ impl RenderDataset {
         if frames.ids().is_empty() {
             return Err(WrongUsage(anyhow::anyhow!("{}: no scans", self.source.display())).into());
         }
-        self.make(&Scanned { frames, body: &body }, rayon::current_num_threads(), &body, &parts, &backdrops)
+        let at_once = rayon::current_num_threads();
+        if self.registered {
+            let people = RegisteredPeople::new(&self.source, frames, &body)?;
+            return self.make(&people, at_once, &body, &parts, &backdrops);
+        }
+        self.make(&Scanned { frames, body: &body }, at_once, &body, &parts, &backdrops)
     }
 
     fn make(
@@ -153,7 +165,7 @@ impl RenderDataset {
     ) -> anyhow::Result<Outcome> {
         let size = [self.size.0, self.size.1];
         let recipe = Recipe {
-            people: self.source.display().to_string(),
+            people: format!("{}{}", self.source.display(), if self.registered { ", registered bodies" } else { "" }),
             poses: people.count(),
             backdrops: (0..backdrops.count()).map(|index| backdrops.name(index)).collect(),
             size,

@@ -14,8 +14,10 @@ mod keypoints;
 mod labels;
 mod overlay;
 mod picture;
+mod registered;
 
 pub use self::backdrop::Backdrops;
 pub use self::folder::{PictureFolder, Recipe};
 pub use self::labels::{CameraLabels, JointLabel, Labels, Visibility};
 pub use self::picture::{LabelledPicture, LabelledPictures, People, Person};
+pub use self::registered::RegisteredPeople;

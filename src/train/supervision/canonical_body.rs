@@ -92,7 +92,7 @@ impl<'a> CanonicalBody<'a> {
             let expression = std::mem::replace(&mut expression, next);
             expressions.push(ExpressiveBody { expression, mesh, solid, sampler });
         }
-        let (low, high) = canonical_box(&expressions[0].mesh.vertices);
+        let (low, high) = canonical_box(body.skeleton(), &expressions[0].mesh.vertices);
         let distances = DistanceGrid::new(&expressions[0].solid, low, high);
         Ok(Self {
             weights: body.skinning_weights(),
@@ -280,7 +280,7 @@ impl<'a> CanonicalBody<'a> {
 
     /// The canonical box: the body and room around it.
     pub fn bounds(&self) -> (Vec3, Vec3) {
-        canonical_box(&self.expressions[0].mesh.vertices)
+        canonical_box(self.skeleton, &self.expressions[0].mesh.vertices)
     }
 
     /// Signed distance to the body.

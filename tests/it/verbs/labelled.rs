@@ -101,3 +101,30 @@ fn scans_are_pictured_where_they_are_registered() {
     let wrong = ["render-dataset", scans, "--body", body, "--count", "1", "--out", text(&new)];
     assert_outcome(&[&wrong[..], &["--backgrounds", text(empty.path())]].concat(), 1, &["a picture", "without people"]);
 }
+
+// The same camera, light and room see nearly the same person: the body lies in its scan, and has its colours.
+#[test]
+fn registered_bodies_look_like_the_scans_that_they_lie_in() {
+    let (scans, body) = data();
+    let folder = tempfile::tempdir().unwrap();
+    let rooms = rooms(folder.path());
+    let pictured = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        let fixed =
+            ["render-dataset", scans, "--body", body, "--backgrounds", &rooms, "--count", "1", "--size", "80x96"];
+        assert_outcome(&[&fixed[..], &["--out", text(&out)], more].concat(), 0, &["1 labelled pictures"]);
+        let read = |place: &str| image::open(out.join(place).join("000000.png")).unwrap().into_rgb8();
+        (read("pictures"), read("masks"))
+    };
+    let ((scan, mask), (registered, _)) = (pictured("scans", &[]), pictured("bodies", &["--registered"]));
+    let of_person = |picture: &image::RgbImage| -> Vec<f64> {
+        let pixels = picture.pixels().zip(mask.pixels()).filter(|(_, mask)| mask.0 == [255; 3]);
+        pixels.flat_map(|(pixel, _)| pixel.0.map(f64::from)).collect()
+    };
+    let (scan, registered) = (of_person(&scan), of_person(&registered));
+    let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / scan.len() as f64;
+    let apart = mean(&mut scan.iter().zip(&registered).map(|(one, other)| (one - other).abs()));
+    let level = mean(&mut scan.iter().copied());
+    let spread = mean(&mut scan.iter().map(|value| (value - level).abs()));
+    assert!(apart < 0.4 * spread, "{apart} of {spread}");
+}
