@@ -12,6 +12,7 @@ use xavatar_body::{BodyModel, Gender};
 use xavatar_formats::{Error, Result};
 use xavatar_learned::blsm::{BlsmBody, BlsmFit, BlsmPopulation, BlsmTraining, Free, whole_bodies};
 use xavatar_learned::evaluation::evaluate;
+use xavatar_learned::kept::Kept;
 use xavatar_learned::registrations::Registrations;
 
 fn main() -> Result<()> {
@@ -31,7 +32,8 @@ fn main() -> Result<()> {
     let (known, others) = (of(0..people)?, of(people..people + unseen)?);
     println!("{people} people, {poses} poses, {} vertices; measured on {unseen} others", start.vertex_count());
     let began = Instant::now();
-    let trained = BlsmTraining { shapes: 7, keep_weights: false }.train(&start, &known, |_| Ok(()))?;
+    let training = BlsmTraining { shapes: 7, keep_weights: false };
+    let Some(trained) = training.train(&start, &known, &mut Kept::nothing(), |_| Ok(()))? else { return Ok(()) };
     let minutes = began.elapsed().as_secs_f64() / 60.0;
     let body = &trained.body;
     println!(
@@ -50,7 +52,7 @@ fn main() -> Result<()> {
     println!("| body | coefficients | other people and poses, mm |\n|---|---|---|");
     println!("| bones and flesh apart | {coefficients} | {:.2} |", 1e3 * mean(&distances));
     let whole = whole_bodies(&start, &known, coefficients)?;
-    for at in evaluate(&whole, &others, &[], None, |_| Ok(()))?.shapes {
+    for at in evaluate(&whole, &others, &[], None, None, |_| Ok(()))?.shapes {
         println!("| whole people's principal components | {} | {:.2} |", at.coefficients, at.mean_mm);
     }
     let exact = BlsmFit::new(&truth, 0.0);

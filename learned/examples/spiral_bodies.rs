@@ -16,7 +16,8 @@ use xavatar_body::{BodyModel, Gender};
 use xavatar_formats::Result;
 use xavatar_learned::blsm::{BlsmBody, BlsmParameters, BlsmPopulation};
 use xavatar_learned::core::{Identity, shapes_of};
-use xavatar_learned::spiral::{AutodecoderTraining, Autoencoder, Descent, FACTORS, Learner, Level, levels};
+use xavatar_learned::descent::{Descent, Learner};
+use xavatar_learned::spiral::{AutodecoderTraining, Autoencoder, FACTORS, Level, levels};
 use xavatar_mesh::{TriangleMesh, decimated};
 
 /// Numbers that a shape is squeezed to.

@@ -10,6 +10,7 @@ use xavatar_body::{BodyModel, Coefficients, Gender};
 use xavatar_formats::{Error, Result};
 use xavatar_learned::core::Family;
 use xavatar_learned::evaluation::evaluate;
+use xavatar_learned::kept::Kept;
 use xavatar_learned::population::Population;
 use xavatar_learned::registrations::Registrations;
 use xavatar_learned::sparse::{Kind, Training};
@@ -39,10 +40,10 @@ fn main() -> Result<()> {
     for (name, kind) in [("none", Kind::Plain), ("dense, ridge", Kind::Dense), ("sparse", Kind::Sparse)] {
         let began = Instant::now();
         let training = Training { family: Family::Supr, kind, weights: false };
-        let trained = training.train(&start, &known, |_| Ok(()))?;
+        let Some(trained) = training.train(&start, &known, &mut Kept::nothing(), |_| Ok(()))? else { break };
         let minutes = began.elapsed().as_secs_f64() / 60.0;
         let model = BodyModel::from_arrays_with(&body, &trained.arrays, Coefficients::All)?;
-        let found = evaluate(&model, &others, &[], truth.as_ref(), |_| Ok(()))?;
+        let found = evaluate(&model, &others, &[], None, truth.as_ref(), |_| Ok(()))?;
         let shape = found.shapes.last().map_or(f64::NAN, |at| at.mean_mm);
         let (joints, f1) = found.truth.map_or((None, None), |truth| (truth.joints_mm, truth.support_f1));
         let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.2}"));

@@ -10,7 +10,8 @@ use serde::Serialize;
 use xavatar_body::{Anatomy, BlendShapes, BodyModel, Correctives, JointBasis};
 use xavatar_formats::Result;
 
-use crate::core::{Fitted, FittedBody, PoseFit};
+use crate::core::{Fitted, FittedBody, PoseFit, shaped};
+use crate::feet::{Feet, Stance, is_in_contact};
 use crate::registrations::Registrations;
 use crate::sparse::SparseCorrectives;
 use crate::truth::KnownTruth;
@@ -33,8 +34,39 @@ pub struct Evaluation {
     pub poses_mm: Option<f64>,
     /// With all coefficients, by subject.
     pub by_subject: Vec<OfSubject>,
+    /// Of feet on the ground, of a body that knows what the ground does to them.
+    pub feet: Option<OfFeet>,
     /// Where the truth is known.
     pub truth: Option<BesideTruth>,
+}
+
+/// Feet on the ground, with all coefficients.
+#[derive(Clone, Debug, Serialize)]
+pub struct OfFeet {
+    /// Vertices that touch the ground.
+    pub in_contact: Pressed,
+    /// Other vertices of feet.
+    pub others: Pressed,
+}
+
+/// What pressing feet is worth.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Pressed {
+    /// Vertices in all frames.
+    pub vertices: usize,
+    /// Their mean distance from the body that knows of no ground, millimetres.
+    pub without_mm: f64,
+    /// From the body whose feet the ground presses, in the same poses.
+    pub with_mm: f64,
+}
+
+/// A body's feet, and the height of the ground if it is known.
+#[derive(Clone, Copy, Debug)]
+pub struct OnGround<'a> {
+    /// The feet.
+    pub feet: &'a Feet,
+    /// Metres; without it each frame's own, where its feet are flat.
+    pub ground: Option<f64>,
 }
 
 /// Beside what is known of a made-up population.
@@ -73,7 +105,8 @@ struct Distances {
     area: f64,
 }
 
-/// Measures a body. Of `counts` those that the body has are tried, and all that it has. Of a made-up population `truth` is compared with. `progress` is told the share that is done.
+/// Measures a body, and its feet if it has any. Of `counts` those that the body has are tried, and all that it has. Of a made-up population `truth` is compared with. `progress` is told the
+/// share that is done.
 ///
 /// # Errors
 /// Those of reading registrations; what `progress` returns.
@@ -81,6 +114,7 @@ pub fn evaluate(
     model: &BodyModel,
     registrations: &Registrations,
     counts: &[usize],
+    on_ground: Option<OnGround<'_>>,
     truth: Option<&KnownTruth>,
     mut progress: impl FnMut(f64) -> Result<()>,
 ) -> Result<Evaluation> {
@@ -100,10 +134,10 @@ pub fn evaluate(
     let fit = PoseFit { shape: true, expression };
     let mut of_counts: Vec<Vec<Distances>> = vec![Vec::new(); counts.len()];
     let (mut poses, mut by_subject, mut joints) = (Vec::new(), Vec::new(), Vec::new());
+    let mut of_feet = [Pressed::default(), Pressed::default()];
     for (done, subject) in registrations.subjects.iter().enumerate() {
         progress(done as f64 / registrations.subjects.len() as f64)?;
-        let frames: Vec<Vec<DVec3>> =
-            subject.frames.par_iter().map(|path| registrations.read(path)).collect::<Result<_>>()?;
+        let frames = registrations.read_all(subject)?;
         let mut found: Vec<Fitted> = Vec::new();
         for (body, distances) in bodies.iter().zip(&mut of_counts) {
             let start = |frame: usize| found.get(frame).map(|fitted: &Fitted| fitted.with_shapes(body));
@@ -118,6 +152,13 @@ pub fn evaluate(
         let Some(body) = bodies.last() else { continue };
         if let Some(known) = truth.and_then(|truth| truth.joints.get(&subject.name)) {
             joints.extend(found.iter().zip(known).map(|(found, known)| joint_distance(body, found, known)));
+        }
+        if let Some(on_ground) = on_ground {
+            let both =
+                found.par_iter().zip(&frames).map(|(found, frame)| on_ground.measured(model, body, found, frame));
+            for found in both.collect::<Result<Vec<[Pressed; 2]>>>()? {
+                of_feet.iter_mut().zip(found).for_each(|(sum, found)| sum.add(&found));
+            }
         }
         if let Some(last) = of_counts.last() {
             let own = &last[last.len() - frames.len()..];
@@ -141,11 +182,56 @@ pub fn evaluate(
         shapes: counts.iter().zip(&of_counts).map(at).collect(),
         poses_mm: (!poses.is_empty()).then(|| 1e3 * mean(&poses, |of| of.mean)),
         by_subject,
+        feet: on_ground.map(|_| {
+            let [in_contact, others] = of_feet.map(Pressed::mean);
+            OfFeet { in_contact, others }
+        }),
         truth: truth.map(|truth| BesideTruth {
             joints_mm: (!joints.is_empty()).then(|| 1e3 * joints.iter().sum::<f64>() / joints.len() as f64),
             support_f1: support_f1(model, &truth.model),
         }),
     })
+}
+
+impl OnGround<'_> {
+    /// Sums of distances of a frame's feet, of what touches the ground in the registration and of the rest.
+    fn measured(self, model: &BodyModel, body: &FittedBody, found: &Fitted, frame: &[DVec3]) -> Result<[Pressed; 2]> {
+        let (posed, chain) = body.posed(&found.pose, &found.shape);
+        let ground = self.feet.ground(frame, self.ground);
+        let rest = shaped(model, &found.shape).template;
+        let stance = Stance {
+            rest: &rest,
+            rotations: &found.pose.rotations,
+            turns: &chain.turns,
+            positions: &posed.positions,
+            vertex_turns: &posed.turns,
+        };
+        let pressed = self.feet.pressed(stance, ground)?;
+        let mut sums = [Pressed::default(), Pressed::default()];
+        for vertex in self.feet.vertices() {
+            let own = Pressed {
+                vertices: 1,
+                without_mm: 1e3 * posed.positions[vertex].distance(frame[vertex]),
+                with_mm: 1e3 * pressed[vertex].distance(frame[vertex]),
+            };
+            sums[usize::from(!is_in_contact(frame[vertex], ground))].add(&own);
+        }
+        Ok(sums)
+    }
+}
+
+impl Pressed {
+    fn add(&mut self, other: &Self) {
+        self.vertices += other.vertices;
+        self.without_mm += other.without_mm;
+        self.with_mm += other.with_mm;
+    }
+
+    /// Of sums.
+    fn mean(self) -> Self {
+        let count = self.vertices.max(1) as f64;
+        Self { without_mm: self.without_mm / count, with_mm: self.with_mm / count, ..self }
+    }
 }
 
 /// The mean distance of a frame's joints but the root from where they are known to be.

@@ -1,16 +1,17 @@
 //! A made-up population whose truth is known, to try every training on (METHOD-BODY section 16).
 //!
 //! Subjects have random shapes of a body, poses turn its joints at random, and skinning is corrected by sparse quaternion blocks of two joints a
-//! vertex that vary smoothly over the surface. Registrations are such bodies with noise. The truth is a body file, and what is a subject's own.
+//! vertex that vary smoothly over the surface. Where people stand on the ground their legs turn less, their feet lie nearly flat, and the ground presses them. Registrations are such bodies with noise. The truth is a body file, and what is a subject's own.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use xavatar_body::{BodyModel, Pose, PoseAxisAngle};
+use xavatar_body::{BodyModel, Pose, PoseAxisAngle, Skeleton};
 use xavatar_formats::Result;
 
 use crate::core::{Identity, shaped, weight_rows, with_identity, with_skin};
+use crate::feet::SoftGround;
 use crate::sparse::SparseCorrectives;
 
 /// Shape coefficients that subjects differ in at most.
@@ -25,6 +26,12 @@ const TYPICAL: f64 = 0.12;
 const TURNS: [f32; 4] = [0.15, 0.4, 0.3, 0.1];
 /// Of the root's, about the vertical.
 const YAW: f32 = 0.6;
+/// What a leg's turns are multiplied by where people stand.
+const STANDING: f32 = 0.4;
+/// Deviation of a standing foot's turn from lying flat, radians: heel to toe, about the vertical, to its sides.
+const TILT: Vec3 = Vec3::new(0.12, 0.1, 0.06);
+/// How deep the lowest foot sinks into the ground at most, metres.
+const DEPTH: f64 = 0.008;
 
 /// How a population is made.
 #[derive(Clone, Copy, Debug)]
@@ -37,13 +44,15 @@ pub struct Population {
     pub noise: f64,
     /// What the correctives of a block do to a vertex about, metres.
     pub effect: f64,
+    /// Whether people stand on the ground, y = 0, which presses their feet.
+    pub ground: bool,
     /// Of everything random.
     pub seed: u64,
 }
 
 impl Default for Population {
     fn default() -> Self {
-        Self { subjects: 20, poses: 50, noise: 2e-3, effect: 12e-3, seed: 0 }
+        Self { subjects: 20, poses: 50, noise: 2e-3, effect: 12e-3, ground: false, seed: 0 }
     }
 }
 
@@ -55,13 +64,15 @@ pub struct Truth {
     pub subjects: Vec<Identity>,
     /// The poses of each.
     pub poses: Vec<Vec<Pose>>,
+    /// What they stand on.
+    pub ground: Option<SoftGround>,
 }
 
 impl Population {
     /// The truth of people like `start`, which gives skeleton, weights and shapes; what corrects it is replaced.
     ///
     /// # Errors
-    /// Those of [`BodyModel::assemble`].
+    /// Those of [`BodyModel::assemble`]; those of [`SoftGround::of`] where people stand.
     pub fn truth(&self, start: &BodyModel) -> Result<Truth> {
         let joints = start.skeleton().joints.len();
         let correctives = self.correctives(start).to_body(joints);
@@ -73,11 +84,27 @@ impl Population {
             shaped(&model, &shape)
         };
         let poses = |subject: usize| (0..self.poses).map(|frame| self.pose(start, subject, frame)).collect();
-        Ok(Truth {
+        let mut truth = Truth {
             subjects: (0..self.subjects).map(identity).collect(),
             poses: (0..self.subjects).map(poses).collect(),
+            ground: if self.ground { Some(SoftGround::of(&model)?) } else { None },
             model,
-        })
+        };
+        self.stand(&mut truth)?;
+        Ok(truth)
+    }
+
+    /// Puts people on the ground, where there is any.
+    fn stand(&self, truth: &mut Truth) -> Result<()> {
+        let Some(ground) = &truth.ground else { return Ok(()) };
+        for (subject, (identity, poses)) in truth.subjects.iter().zip(&mut truth.poses).enumerate() {
+            let body = with_identity(&truth.model, identity)?;
+            for (frame, pose) in poses.iter_mut().enumerate() {
+                let depth = DEPTH * self.random(subject, 2_000_000 + frame).random::<f64>();
+                pose.translation.y += ground.lift(&body.pose(pose)?.vertices, depth);
+            }
+        }
+        Ok(())
     }
 
     /// The vertices of a registration, noise and all.
@@ -96,6 +123,9 @@ impl Population {
     pub fn registrations_of(&self, truth: &Truth, body: &BodyModel, subject: usize, frame: usize) -> Result<Vec<Vec3>> {
         let mut random = self.random(subject, 1_000_000 + frame);
         let mut vertices = body.pose(&truth.poses[subject][frame])?.vertices;
+        if let Some(ground) = &truth.ground {
+            ground.press(&mut vertices);
+        }
         for vertex in &mut vertices {
             let mut noise = || -> f64 { StandardNormal.sample(&mut random) };
             *vertex += (DVec3::new(noise(), noise(), noise()) * self.noise).as_vec3();
@@ -150,11 +180,20 @@ impl Population {
         let mut random = self.random(subject, 1 + frame);
         let mut normal = || -> f32 { StandardNormal.sample(&mut random) };
         let rotations = model.skeleton().joints.iter().enumerate().map(|(joint, name)| {
-            let deviation = TURNS[kind_of(name)];
+            let is_standing_leg = self.ground && ["hip", "knee", "ankle"].iter().any(|part| name.contains(part));
+            let deviation = TURNS[kind_of(name)] * if is_standing_leg { STANDING } else { 1.0 };
             let turn = Vec3::new(normal(), normal(), normal()).clamp(Vec3::splat(-2.5), Vec3::splat(2.5));
             PoseAxisAngle(if joint == 0 { Vec3::new(0.1, YAW, 0.1) * turn } else { turn * deviation })
         });
-        let rotations = rotations.collect();
+        let mut rotations: Vec<PoseAxisAngle> = rotations.collect();
+        if self.ground {
+            let mut tilt = || Vec3::new(normal(), normal(), normal()) * TILT;
+            ["left_ankle", "right_ankle"].into_iter().filter_map(|name| model.skeleton().joint(name)).for_each(
+                |ankle| {
+                    rotations[ankle] = flat(model.skeleton(), &rotations, ankle, tilt());
+                },
+            );
+        }
         Pose { rotations, translation: Vec3::new(normal(), 0.2 * normal(), normal()) * 0.3, ..Pose::default() }
     }
 
@@ -164,6 +203,14 @@ impl Population {
         random.set_stream(((subject as u64) << 32) ^ purpose as u64);
         random
     }
+}
+
+/// How an ankle turns so that its foot lies flat but for a tilt, with the heading of its shin.
+fn flat(skeleton: &Skeleton, rotations: &[PoseAxisAngle], ankle: usize, tilt: Vec3) -> PoseAxisAngle {
+    let above = std::iter::successors(skeleton.parents[ankle], |joint| skeleton.parents[*joint]);
+    let shin = above.fold(Quat::IDENTITY, |turn, joint| Quat::from_scaled_axis(rotations[joint].0) * turn);
+    let heading = Quat::from_xyzw(0.0, shin.y, 0.0, shin.w).normalize();
+    PoseAxisAngle((shin.inverse() * heading * Quat::from_scaled_axis(tilt)).to_scaled_axis())
 }
 
 /// The place of a joint's deviation in [`TURNS`], by its name.

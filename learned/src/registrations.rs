@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use rayon::prelude::*;
 use xavatar_formats::{Error, Result};
 use xavatar_mesh::{MESH_EXTENSIONS, read_mesh};
 use xavatar_register::job::OFFSETS_FOLDER;
@@ -78,6 +79,14 @@ impl Registrations {
             });
         }
         Ok(mesh.vertices.iter().map(|vertex| vertex.as_dvec3()).collect())
+    }
+
+    /// All of a person's registrations (N, V).
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_all(&self, subject: &Subject) -> Result<Vec<Vec<DVec3>>> {
+        subject.frames.par_iter().map(|path| self.read(path)).collect()
     }
 }
 

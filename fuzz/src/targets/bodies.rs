@@ -2,8 +2,14 @@
 
 use std::path::Path;
 
+use glam::Vec3;
 use xavatar::body::{BodyModel, Coefficients};
 use xavatar::formats::{Array, ArrayData, ArrayFile, ArrayMap, npy_bytes, parse_npy};
+use xavatar::learned::blsm::{BlsmBody, FleshedBody};
+use xavatar::learned::descent::Descent;
+use xavatar::learned::feet::Feet;
+use xavatar::learned::spiral::{AutodecoderTraining, levels};
+use xavatar::mesh::TriangleMesh;
 
 /// What stands between arrays: npy files, each after a line with its name.
 const BETWEEN: &[u8] = b"|NPY";
@@ -36,6 +42,88 @@ pub(super) fn body_seeds() -> Vec<Vec<u8>> {
     ];
     let parsed = |(name, bytes)| ArrayFile::parse(Path::new(name), bytes).ok().flatten();
     models.into_iter().filter_map(parsed).map(|file| together(&smallest(&file.arrays))).collect()
+}
+
+/// A body with bones and flesh apart, whichever way its flesh was learned.
+pub(super) fn blsm(bytes: &[u8]) -> bool {
+    let body = FleshedBody::from_arrays(Path::new("no/such/body.npz"), &arrays_in(bytes));
+    body.is_ok_and(|body| {
+        body.mean().is_ok_and(|body| {
+            assert_eq!(body.posed(&body.rest()).vertices.len(), body.template.len());
+            true
+        })
+    })
+}
+
+/// One with shapes, and one whose flesh a network makes, of an octahedron.
+pub(super) fn blsm_seeds() -> Vec<Vec<u8>> {
+    let Some(model) = smallest_smpl() else { return Vec::new() };
+    let linear = BlsmBody::of(&model).to_arrays();
+    let corners = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
+    let sides = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+    let mesh = TriangleMesh { vertices: corners.to_vec(), faces: sides.to_vec(), ..TriangleMesh::default() };
+    let flesh = |scale: f64| corners.iter().map(|corner| corner.as_dvec3() * scale).collect();
+    let spiral = || {
+        let training = AutodecoderTraining::new(levels(&mesh, &[2])?, &[flesh(0.1), flesh(0.2)], 1, 0)?;
+        Descent::new(&training, 0)?.epoch(&training)?;
+        let body = BlsmBody {
+            template: corners.iter().map(|corner| corner.as_dvec3()).collect(),
+            faces: sides.to_vec(),
+            weights: vec![vec![(0, 1.0)]; corners.len()],
+            shape_basis: Vec::new(),
+            ..BlsmBody::of(&model)
+        };
+        let mut arrays = body.to_arrays();
+        arrays.extend(training.finished()?.0.to_arrays()?);
+        xavatar::Result::Ok(arrays)
+    };
+    [Some(linear), spiral().ok()].into_iter().flatten().map(|arrays| together(&arrays)).collect()
+}
+
+/// Feet beside the body that they are of.
+pub(super) fn feet(bytes: &[u8]) -> bool {
+    let path = Path::new("no/such/body.npz");
+    let arrays = arrays_in(bytes);
+    BodyModel::from_arrays(path, &arrays).is_ok_and(|body| {
+        let Ok(feet) = Feet::from_arrays(path, &arrays, &body) else { return false };
+        let posed = feet.posed(&body, &body.skeleton().rest_pose(), 0.0);
+        assert!(posed.is_ok_and(|vertices| vertices.len() == body.vertex_count()));
+        true
+    })
+}
+
+/// Feet of one vertex, with a network of one layer between.
+pub(super) fn feet_seeds() -> Vec<Vec<u8>> {
+    let Some(model) = smallest_smpl() else { return Vec::new() };
+    let mut arrays = model.to_arrays();
+    let zeros = |shape: &[usize]| Array { shape: shape.to_vec(), data: ArrayData::U8(vec![0; shape.iter().product()]) };
+    for (side, [ankle, toes]) in [("left", [7, 10]), ("right", [8, 11])] {
+        let inputs = 4 * 2 + 2 + 1;
+        let places = [("vertices", vec![1]), ("joints", vec![ankle, toes])];
+        for (name, places) in places {
+            arrays.insert(
+                format!("foot.{side}.{name}"),
+                Array { shape: vec![places.len()], data: ArrayData::I64(places) },
+            );
+        }
+        for (name, shape) in [
+            ("mean", &[1, 3][..]),
+            ("directions", &[2, 1, 3]),
+            ("0.W", &[2, inputs]),
+            ("0.b", &[2]),
+            ("1.W", &[3, 2]),
+            ("1.b", &[3]),
+        ] {
+            arrays.insert(format!("foot.{side}.{name}"), zeros(shape));
+        }
+    }
+    vec![together(&arrays)]
+}
+
+fn smallest_smpl() -> Option<BodyModel> {
+    let bytes = include_bytes!("../../../tests/golden/body/tiny_smpl.npz");
+    let file = ArrayFile::parse(Path::new("smpl"), bytes).ok()??;
+    BodyModel::from_arrays(Path::new("smpl"), &smallest(&file.arrays)).ok()
 }
 
 /// A model of the same joints with [`VERTICES`] vertices, which the first joint moves and all joints are at.

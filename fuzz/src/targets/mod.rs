@@ -42,6 +42,8 @@ pub const TARGETS: &[Target] = &[
     Target { name: "avatar", read: avatars::avatar, seeds: avatars::avatar_seeds },
     Target { name: "avatar_texts", read: avatars::avatar_texts, seeds: avatars::avatar_texts_seeds },
     Target { name: "body", read: bodies::body, seeds: bodies::body_seeds },
+    Target { name: "blsm", read: bodies::blsm, seeds: bodies::blsm_seeds },
+    Target { name: "feet", read: bodies::feet, seeds: bodies::feet_seeds },
     Target { name: "subject", read: folders::subject, seeds: folders::subject_seeds },
     Target { name: "cameras", read: folders::cameras, seeds: folders::cameras_seeds },
     Target { name: "rgbd_layout", read: folders::rgbd_layout, seeds: folders::rgbd_layout_seeds },

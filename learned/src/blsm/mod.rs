@@ -21,6 +21,7 @@ mod posing;
 mod shared;
 mod skeleton;
 mod spiral_body;
+mod state;
 mod training;
 mod whole_bodies;
 

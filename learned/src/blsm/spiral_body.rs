@@ -10,8 +10,12 @@ use glam::DVec3;
 use xavatar_formats::{ArrayMap, Error, Result};
 
 use super::{BlsmBody, BlsmFit, BlsmParameters};
-use crate::spiral::{Autodecoder, AutodecoderTraining, Descent, FACTORS, levels};
+use crate::descent::Descent;
+use crate::kept::Kept;
+use crate::spiral::{Autodecoder, AutodecoderTraining, FACTORS, levels};
 
+/// The part of the network that is learned.
+const NETWORK: &str = "network";
 /// Rounds of a fit.
 const ROUNDS: usize = 3;
 
@@ -36,29 +40,36 @@ pub struct SpiralBody {
 
 impl SpiralTraining {
     /// The body with this skeleton and this mean flesh whose shapes are learned from what people's flesh (N, V) has beside the mean; and the
-    /// people's codes. `progress` is told the share that is done.
+    /// people's codes. None if that was stopped, and what is kept is gone on with. `progress` is told the share that is done.
     ///
     /// # Errors
-    /// [`Error::Value`] for fewer than two people; what `progress` returns.
+    /// [`Error::Value`] for fewer than two people; those of reading what is kept; what `progress` returns.
     pub fn train(
         &self,
         body: BlsmBody,
         flesh: &[Vec<DVec3>],
+        kept: &mut Kept<'_>,
         mut progress: impl FnMut(f64) -> Result<()>,
-    ) -> Result<(SpiralBody, Vec<Vec<f64>>)> {
+    ) -> Result<Option<(SpiralBody, Vec<Vec<f64>>)>> {
         if flesh.len() < 2 {
             let (name, found) = ("people".into(), flesh.len().to_string());
             return Err(Error::Value { name, found, expected: "at least two, whose flesh differs".into() });
         }
         let levels = levels(&body.bent(), &FACTORS)?;
         let training = AutodecoderTraining::new(levels, flesh, self.codes, self.seed)?;
-        let mut descent = Descent::new(&training, self.seed)?;
-        for epoch in 0..self.epochs {
-            progress(epoch as f64 / self.epochs as f64)?;
+        let mut descent = match kept.part(NETWORK)? {
+            Some((path, arrays)) => Descent::resumed(&training, &path, &arrays)?,
+            None => Descent::new(&training, self.seed)?,
+        };
+        while descent.epochs() < self.epochs as u64 {
+            progress(descent.epochs() as f64 / self.epochs as f64)?;
             descent.epoch(&training)?;
+            if kept.pause(NETWORK, || descent.to_arrays(&training))? {
+                return Ok(None);
+            }
         }
         let (flesh, people) = training.finished()?;
-        Ok((SpiralBody { bare: BlsmBody { shape_basis: Vec::new(), ..body }, flesh }, people))
+        Ok(Some((SpiralBody { bare: BlsmBody { shape_basis: Vec::new(), ..body }, flesh }, people)))
     }
 }
 

@@ -13,8 +13,10 @@ use xavatar_formats::Result;
 use super::bones::{BoneModes, bone_modes};
 use super::own_bones::Person;
 use super::people_bones::{SaidOfBones, bones_of_people};
+use super::state::Steps;
 use super::{Atoms, BlsmBody, BlsmFit, BlsmParameters, ScaledSkeleton};
 use crate::core::{Grown, Identity, WeightMoments, WeightRow, shapes_of, weight_rows};
+use crate::kept::Kept;
 use crate::registrations::Registrations;
 
 /// Rounds.
@@ -52,53 +54,75 @@ pub struct TrainedBlsm {
 }
 
 impl BlsmTraining {
-    /// Trains a body that begins as `start`: with its skeleton, weights and template. `progress` is told the share that is done.
+    /// Trains a body that begins as `start`: with its skeleton, weights and template; none if that was stopped, and what is kept is gone on with. `progress` is told
+    /// the share that is done.
     ///
     /// # Errors
-    /// Those of reading registrations; what `progress` returns.
+    /// Those of reading registrations and what is kept; what `progress` returns.
     pub fn train(
         &self,
         start: &BodyModel,
         registrations: &Registrations,
+        kept: &mut Kept<'_>,
         mut progress: impl FnMut(f64) -> Result<()>,
-    ) -> Result<TrainedBlsm> {
-        let mut body = BlsmBody::of(start);
-        let grown = Grown::of(&body.weights, &body.faces);
+    ) -> Result<Option<TrainedBlsm>> {
         let subjects = registrations.subjects.len();
-        let mut people: Vec<Option<Person>> = vec![None; subjects];
-        let (mut distances, mut explained, mut coefficients) = (Vec::new(), 0.0, Vec::new());
-        for round in 0..ROUNDS {
-            let mut tell = |part: usize, subject: usize| {
-                let share = (part as f64 + subject as f64 / subjects as f64) / 2.0;
-                progress((round as f64 + share) / ROUNDS as f64)
-            };
-            let free = body.with_free_bones();
+        let first = BlsmBody::of(start);
+        let grown = Grown::of(&first.weights, &first.faces);
+        let mut steps = Steps::begun(start, subjects, kept)?;
+        while steps.step < 2 * ROUNDS {
+            let is_free = steps.step.is_multiple_of(2);
+            let free = steps.body.with_free_bones();
             for (index, subject) in registrations.subjects.iter().enumerate() {
-                tell(0, index)?;
-                let start = people[index].take().map(|person| freed(person, &body));
-                people[index] = Some(Person::of(&free, &read(registrations, &subject.frames)?, start));
+                if steps.found.get(index) == Some(&steps.step) {
+                    continue;
+                }
+                if kept.is_stopped() {
+                    return Ok(None);
+                }
+                progress((steps.step as f64 + index as f64 / subjects as f64) / (2 * ROUNDS) as f64)?;
+                let before = steps.people.get(index).cloned();
+                let frames = registrations.read_all(subject)?;
+                let person = match before {
+                    Some(mut person) if !is_free => {
+                        let bones = &steps.coefficients[index][0];
+                        person.frames.iter_mut().for_each(|frame| frame.bones.clone_from(bones));
+                        person.find_modes(&steps.body, &frames);
+                        person
+                    }
+                    before => Person::of(&free, &frames, before.map(|person| freed(person, &steps.body))),
+                };
+                steps.set_person(index, person, kept)?;
             }
-            let modes = modes_of(&free, people.iter_mut().flatten());
-            explained = modes.explained.iter().take(modes.basis.len()).sum();
-            body.set_modes(modes.mean, modes.basis);
-            for (index, (subject, person)) in registrations.subjects.iter().zip(people.iter_mut().flatten()).enumerate()
-            {
-                tell(1, index)?;
-                person.frames.iter_mut().for_each(|frame| frame.bones.clone_from(&modes.coefficients[index]));
-                person.find_modes(&body, &read(registrations, &subject.frames)?);
+            if is_free {
+                let modes = modes_of(&free, steps.people.iter_mut());
+                steps.explained = modes.explained.iter().take(modes.basis.len()).sum();
+                steps.coefficients = modes.coefficients.into_iter().map(|bones| [bones, Vec::new()]).collect();
+                steps.body.set_modes(modes.mean, modes.basis);
+            } else {
+                self.find_flesh(&mut steps, &grown, registrations)?;
             }
-            let bones: Vec<Vec<f64>> = people.iter().flatten().map(|person| person.frames[0].bones.clone()).collect();
-            let flesh: Vec<&Vec<DVec3>> = people.iter().flatten().map(|person| &person.flesh).collect();
-            let shapes = body.learn_flesh(&flesh, &bones, self.shapes);
-            if !self.keep_weights {
-                body.weights = weights(&body, &grown, registrations, &people)?;
-            }
-            coefficients = bones.into_iter().zip(shapes).map(|(bones, shape)| [bones, shape]).collect();
-            distances.push(distance(&body, registrations, &people, &coefficients)?);
+            steps.step += 1;
+            steps.keep(kept)?;
         }
+        let Steps { body, people, coefficients, explained, distances, .. } = steps;
         let own = |(person, [bones, _]): (&Person, &[Vec<f64>; 2])| body.own_flesh(&person.flesh, bones);
-        let flesh = people.iter().flatten().zip(&coefficients).map(own).collect();
-        Ok(TrainedBlsm { people: coefficients, explained, distances, flesh, body })
+        let flesh = people.iter().zip(&coefficients).map(own).collect();
+        Ok(Some(TrainedBlsm { people: coefficients, explained, distances, flesh, body }))
+    }
+
+    /// Template, correctives, shapes and weights of people whose poses, bones and flesh were found, and how near they are.
+    fn find_flesh(&self, steps: &mut Steps, grown: &Grown, registrations: &Registrations) -> Result<()> {
+        let Steps { body, people, coefficients, distances, .. } = steps;
+        let bones: Vec<Vec<f64>> = people.iter().map(|person| person.frames[0].bones.clone()).collect();
+        let flesh: Vec<&Vec<DVec3>> = people.iter().map(|person| &person.flesh).collect();
+        let shapes = body.learn_flesh(&flesh, &bones, self.shapes);
+        if !self.keep_weights {
+            body.weights = weights(body, grown, registrations, people)?;
+        }
+        *coefficients = bones.into_iter().zip(shapes).map(|(bones, shape)| [bones, shape]).collect();
+        distances.push(distance(body, registrations, people, coefficients)?);
+        Ok(())
     }
 }
 
@@ -114,15 +138,10 @@ fn modes_of<'a>(free: &BlsmBody, people: impl Iterator<Item = &'a mut Person>) -
 }
 
 /// Weights (V) by what each joint alone would do to people's flesh.
-fn weights(
-    body: &BlsmBody,
-    grown: &Grown,
-    registrations: &Registrations,
-    people: &[Option<Person>],
-) -> Result<Vec<WeightRow>> {
+fn weights(body: &BlsmBody, grown: &Grown, registrations: &Registrations, people: &[Person]) -> Result<Vec<WeightRow>> {
     let mut moments = WeightMoments::new(grown);
     let plain = BlsmBody { shape_basis: Vec::new(), ..body.clone() };
-    for (subject, person) in registrations.subjects.iter().zip(people.iter().flatten()) {
+    for (subject, person) in registrations.subjects.iter().zip(people.iter()) {
         for (path, parameters) in subject.frames.iter().zip(&person.frames) {
             let skeleton = plain.posed(parameters).skeleton;
             let moved = |vertex: usize, joint: usize| skeleton.moved(joint, person.flesh[vertex]);
@@ -136,25 +155,19 @@ fn weights(
 fn distance(
     body: &BlsmBody,
     registrations: &Registrations,
-    people: &[Option<Person>],
+    people: &[Person],
     coefficients: &[[Vec<f64>; 2]],
 ) -> Result<f64> {
     let fit = BlsmFit::new(body, 0.0);
     let mut sum = 0.0;
-    for ((subject, person), [bones, shape]) in
-        registrations.subjects.iter().zip(people.iter().flatten()).zip(coefficients)
-    {
-        let frames = read(registrations, &subject.frames)?;
+    for ((subject, person), [bones, shape]) in registrations.subjects.iter().zip(people.iter()).zip(coefficients) {
+        let frames = registrations.read_all(subject)?;
         let of_frame = |(frame, own): (&Vec<DVec3>, &BlsmParameters)| {
             fit.distance(&BlsmParameters { bones: bones.clone(), shape: shape.clone(), ..own.clone() }, frame)
         };
         sum += frames.iter().zip(&person.frames).map(of_frame).sum::<f64>();
     }
     Ok(sum / registrations.frames() as f64)
-}
-
-fn read(registrations: &Registrations, paths: &[std::path::PathBuf]) -> Result<Vec<Vec<DVec3>>> {
-    paths.par_iter().map(|path| registrations.read(path)).collect()
 }
 
 /// The same person, with the modes' bones as free ones.

@@ -19,7 +19,7 @@ const RIDGE: f64 = 1e-4;
 /// What the last rounds did.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Acceleration {
-    rounds: Vec<(SparseCorrectives, SparseCorrectives)>,
+    pub(super) rounds: Vec<(SparseCorrectives, SparseCorrectives)>,
 }
 
 impl Acceleration {

@@ -11,6 +11,7 @@ mod group_lasso;
 mod heaviness;
 mod moments;
 mod selection;
+mod state;
 mod training;
 
 pub use correctives::{SparseCorrectives, VertexBlocks};

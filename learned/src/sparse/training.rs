@@ -2,7 +2,7 @@
 //!
 //! A round: of every subject the poses of its registrations, then its template and joints, twice; the registrations un-posed into sums over frames. Then
 //! correctives, then skinning weights. A subject's frames are read, used and forgotten: memory is that of one subject and of the sums. One frame of ten is
-//! held out of training: by these sparsity is chosen and rounds are judged.
+//! held out of training: by these sparsity is chosen and rounds are judged. What was found is [`kept`](crate::kept) after every subject and round.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -10,16 +10,17 @@ use xavatar_body::BodyModel;
 use xavatar_formats::{ArrayMap, Error, Result};
 use xavatar_register::linear::{FramePose, PosedChain};
 
-use super::acceleration::Acceleration;
 use super::correctives::{PER_JOINT, SparseCorrectives};
 use super::geodesic::distances_to_joints;
 use super::heaviness::heaviest_second;
 use super::moments::{Moments, SubjectFrames};
 use super::selection::{Chosen, Kind, chosen};
+use super::state::Alternation;
 use crate::core::{
     Family, Fitted, FittedBody, Grown, Identity, IdentityMoments, Mirror, Person, PoseFit, SkinningRows, WeightMoments,
     features, joint_rows, mean_identity, shaped, shapes_of, trained_arrays, unposed, weight_rows, with_skin,
 };
+use crate::kept::Kept;
 use crate::registrations::{Registrations, Subject};
 
 /// Rounds at most.
@@ -73,7 +74,7 @@ pub struct TrainedSubject {
     /// The pose of each frame.
     pub poses: Vec<FramePose>,
     /// Where the body that training began with has its joints (J).
-    believed: Vec<DVec3>,
+    pub(super) believed: Vec<DVec3>,
 }
 
 /// A body that was trained.
@@ -94,10 +95,10 @@ pub struct TrainedBody {
 }
 
 /// What a round starts from.
-struct State {
-    model: BodyModel,
-    correctives: SparseCorrectives,
-    subjects: Vec<TrainedSubject>,
+pub(super) struct State {
+    pub model: BodyModel,
+    pub correctives: SparseCorrectives,
+    pub subjects: Vec<TrainedSubject>,
 }
 
 /// What all frames of a round say.
@@ -110,27 +111,28 @@ struct Sums<'a> {
 }
 
 impl Training {
-    /// Trains a body that begins as `start` on registrations in its topology.
+    /// Trains a body that begins as `start` on registrations in its topology; none if that was stopped, and what is kept is gone on with.
     ///
     /// # Errors
-    /// [`Error::Value`] if the family is not for the body's joints; those of reading registrations; what `progress` returns.
+    /// [`Error::Value`] if the family is not for the body's joints; those of reading registrations and what is kept; what `progress` returns.
     pub fn train(
         self,
         start: &BodyModel,
         registrations: &Registrations,
+        kept: &mut Kept<'_>,
         mut progress: impl FnMut(Progress) -> Result<()>,
-    ) -> Result<TrainedBody> {
+    ) -> Result<Option<TrainedBody>> {
         self.check(start)?;
-        let mut state = State::new(start)?;
         let (rest, parents) = (Identity::of(start), start.skeleton().parents.clone());
         let mirror = Mirror::of(&rest.template, &rest.joints);
         let symmetry: Vec<f64> = start.skeleton().joints.iter().map(|name| SYMMETRY[region(name)]).collect();
         let mirrored = mirror.as_ref().map(|mirror| (mirror, symmetry.as_slice()));
         let first_weights = weight_rows(start);
         let grown = Grown::of(&first_weights, start.faces());
-        let mut held_out = Vec::new();
-        let (mut acceleration, mut found) = (Acceleration::default(), state.correctives.clone());
-        for round in 0..ROUNDS {
+        let subjects = registrations.subjects.len();
+        let mut alternation = Alternation::begun(start, subjects, kept)?;
+        while alternation.round < ROUNDS {
+            let round = alternation.round;
             let width = PER_JOINT * (parents.len() - 1);
             let mut sums = Sums {
                 trained: Moments::new(width, start.vertex_count()),
@@ -138,13 +140,30 @@ impl Training {
                 weights: WeightMoments::new(&grown),
                 distance: (0.0, 0),
             };
-            let rows = SkinningRows::new(&weight_rows(&state.model), &parents);
+            let rows = SkinningRows::new(&weight_rows(&alternation.state.model), &parents);
             for (done, subject) in registrations.subjects.iter().enumerate() {
-                progress(Progress { round, rounds: ROUNDS, done, subjects: registrations.subjects.len() })?;
-                let before = state.subjects.get(done).cloned();
-                let fitted = state.subject(registrations, subject, before, &rows, mirrored, &mut sums)?;
-                if done < state.subjects.len() { state.subjects[done] = fitted } else { state.subjects.push(fitted) }
+                if kept.is_stopped() {
+                    return Ok(None);
+                }
+                progress(Progress { round, rounds: ROUNDS, done, subjects })?;
+                let frames = registrations.read_all(subject)?;
+                let state = &mut alternation.state;
+                let person = if alternation.fitted.get(done) == Some(&round) {
+                    Person::new(&state.model, state.subjects[done].identity.clone())?
+                } else {
+                    let before = state.subjects.get(done).cloned();
+                    let (fitted, person) = state.fitted(subject, &frames, before, &rows, mirrored)?;
+                    if done < state.subjects.len() {
+                        state.subjects[done] = fitted
+                    } else {
+                        state.subjects.push(fitted)
+                    }
+                    alternation.keep_subject(done, kept)?;
+                    person
+                };
+                alternation.state.add(&person, &alternation.state.subjects[done].poses, &frames, &mut sums);
             }
+            let Alternation { state, held_out, acceleration, .. } = &mut alternation;
             let distance = sums.distance.0 / sums.distance.1.max(1) as f64;
             let settled = held_out.last().is_some_and(|before: &f64| distance > before * (1.0 - CONVERGED));
             held_out.push(distance);
@@ -160,14 +179,18 @@ impl Training {
             );
             let Chosen { correctives, .. } = chosen(self.kind, &sums.trained, &sums.held, &distances);
             let weights = if self.weights && round > 0 { sums.weights.solve() } else { weights };
-            found = correctives;
             let from = std::mem::take(&mut state.correctives);
-            state.correctives = acceleration.next(from, found.clone());
+            state.correctives = acceleration.next(from, correctives);
             state.model = with_skin(&state.model, &weights, state.correctives.to_body(parents.len()))?;
+            alternation.round += 1;
+            alternation.keep(kept)?;
         }
-        state.model = with_skin(&state.model, &weight_rows(&state.model), found.to_body(parents.len()))?;
-        state.correctives = found;
-        self.finished(state, held_out, mirror.is_some())
+        let Alternation { mut state, acceleration, held_out, .. } = alternation;
+        if let Some((_, found)) = acceleration.rounds.last() {
+            state.model = with_skin(&state.model, &weight_rows(&state.model), found.to_body(parents.len()))?;
+            state.correctives = found.clone();
+        }
+        self.finished(state, held_out, mirror.is_some()).map(Some)
     }
 
     fn check(self, start: &BodyModel) -> Result<()> {
@@ -205,48 +228,40 @@ impl Training {
 
 impl State {
     /// The body as it begins: without correctives, which are another's.
-    fn new(start: &BodyModel) -> Result<Self> {
+    pub fn new(start: &BodyModel) -> Result<Self> {
         let correctives = SparseCorrectives::none(start.vertex_count());
         let model = with_skin(start, &weight_rows(start), correctives.to_body(start.skeleton().joints.len()))?;
         Ok(Self { model, correctives, subjects: Vec::new() })
     }
 
-    /// A subject's poses and identity; what its frames say is added to the sums.
-    fn subject(
+    /// A subject's poses and identity, and its body.
+    fn fitted(
         &self,
-        registrations: &Registrations,
         subject: &Subject,
+        frames: &[Vec<DVec3>],
         before: Option<TrainedSubject>,
         rows: &SkinningRows,
         mirror: Option<(&Mirror, &[f64])>,
-        sums: &mut Sums<'_>,
-    ) -> Result<TrainedSubject> {
-        let frames: Vec<Vec<DVec3>> =
-            subject.frames.par_iter().map(|path| registrations.read(path)).collect::<Result<_>>()?;
+    ) -> Result<(TrainedSubject, Person)> {
         let turns = if before.is_some() { TURNS } else { FIRST_TURNS };
-        let is_held: Vec<bool> = (0..frames.len()).map(|frame| frame % HELD_OUT == HELD_OUT - 1).collect();
         let mut known = match before {
             Some(before) => before,
-            None => self.first(subject, &frames)?,
+            None => self.first(subject, frames)?,
         };
-        for turn in 0..=turns {
-            let person = Person::new(&self.model, known.identity.clone())?;
-            known.poses = poses(&person, &frames, Some(&known.poses));
-            if turn == turns {
-                self.add(&person, &known.poses, &frames, &is_held, sums);
-                break;
-            }
+        let mut person = Person::new(&self.model, known.identity.clone())?;
+        known.poses = poses(&person, frames, Some(&known.poses));
+        for _ in 0..turns {
             let mut moments = IdentityMoments::new(rows);
-            for (pose, frame) in
-                known.poses.iter().zip(&frames).zip(&is_held).filter(|(_, held)| !**held).map(|(f, _)| f)
-            {
+            for (_, (pose, frame)) in known.poses.iter().zip(frames).enumerate().filter(|(frame, _)| !is_held(*frame)) {
                 let (posed, chain) = person.body.posed(pose, &[]);
                 moments.add(&chain.turns, &rows.targets(&known.identity, &posed.positions, &chain.turns, frame));
             }
             let start = Identity { joints: known.believed.clone(), ..known.identity };
             known.identity = moments.solve(&start, mirror, JOINT_PRICE * frames.len() as f64);
+            person = Person::new(&self.model, known.identity.clone())?;
+            known.poses = poses(&person, frames, Some(&known.poses));
         }
-        Ok(known)
+        Ok((known, person))
     }
 
     /// A subject as the body's own shapes have it, each frame for itself, and their mean.
@@ -267,7 +282,8 @@ impl State {
         })
     }
 
-    fn add(&self, person: &Person, poses: &[FramePose], frames: &[Vec<DVec3>], is_held: &[bool], sums: &mut Sums<'_>) {
+    /// Adds what a subject's frames say to the sums.
+    fn add(&self, person: &Person, poses: &[FramePose], frames: &[Vec<DVec3>], sums: &mut Sums<'_>) {
         let of_frame = |(pose, frame): (&FramePose, &Vec<DVec3>)| {
             let (posed, chain) = person.body.posed(pose, &[]);
             let features = features(pose);
@@ -278,8 +294,8 @@ impl State {
         };
         let found: Vec<_> = poses.par_iter().zip(frames).map(of_frame).collect();
         let part = |held: bool| -> (Vec<Vec<f64>>, Vec<Vec<DVec3>>) {
-            let wanted = found.iter().zip(is_held).filter(|(_, is)| **is == held);
-            wanted.map(|((features, residuals, ..), _)| (features.clone(), residuals.clone())).unzip()
+            let wanted = found.iter().enumerate().filter(|(frame, _)| is_held(*frame) == held);
+            wanted.map(|(_, (features, residuals, ..))| (features.clone(), residuals.clone())).unzip()
         };
         let (trained, held) = (part(false), part(true));
         let own = SubjectFrames { features: &trained.0, residuals: &trained.1 };
@@ -287,12 +303,12 @@ impl State {
             sums.trained.add(&own, &means);
             sums.held.add(&SubjectFrames { features: &held.0, residuals: &held.1 }, &means);
         }
-        for (((_, _, corrections, chain, distance), frame), held) in found.iter().zip(frames).zip(is_held) {
-            if *held || frames.len() < HELD_OUT {
+        for (number, ((_, _, corrections, chain, distance), frame)) in found.iter().zip(frames).enumerate() {
+            if is_held(number) || frames.len() < HELD_OUT {
                 sums.distance.0 += distance;
                 sums.distance.1 += frame.len();
             }
-            if !*held {
+            if !is_held(number) {
                 let moved = |vertex: usize, joint: usize| {
                     let rest = person.identity.template[vertex] + corrections[vertex];
                     moved_by(chain, &person.identity.joints, joint, rest)
@@ -301,6 +317,11 @@ impl State {
             }
         }
     }
+}
+
+/// Whether a frame is held out of training.
+fn is_held(frame: usize) -> bool {
+    frame % HELD_OUT == HELD_OUT - 1
 }
 
 /// Where a point at rest is when it follows a joint alone.

@@ -10,7 +10,8 @@ use nalgebra::{DMatrix, DVector};
 use xavatar_formats::Result;
 
 use super::layers::{Unpooling, apply_all};
-use super::{Layer, Learner, Level, Parameters, Rate, Standard, convolution, of_tensors};
+use super::{Layer, Level, Standard, convolution};
+use crate::descent::{Learner, Parameters, Rate, of_tensors};
 
 /// Channels of the convolutions, the coarsest first.
 const CHANNELS: [usize; 4] = [48, 32, 32, 16];
@@ -83,6 +84,9 @@ impl AutodecoderTraining {
 }
 
 impl Learner for AutodecoderTraining {
+    const BATCH: usize = 16;
+    const FALLS: f64 = 0.99;
+
     fn parameters(&self) -> &Parameters {
         &self.decoder.parameters
     }
@@ -245,8 +249,9 @@ fn layers(parameters: &mut Parameters, levels: &[Level], codes: usize) -> candle
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::descent::Descent;
     use crate::spiral::autoencoder::tests::{ball, bulges};
-    use crate::spiral::{Descent, levels};
+    use crate::spiral::levels;
 
     /// An auto-decoder of bulging balls, after some epochs, with what it learned and the codes.
     pub(in crate::spiral) fn trained(epochs: usize) -> (Autodecoder, Vec<Vec<DVec3>>, Vec<Vec<f64>>) {

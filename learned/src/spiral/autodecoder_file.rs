@@ -11,7 +11,8 @@ use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result};
 use xavatar_mesh::TriangleMesh;
 
 use super::autodecoder::Codes;
-use super::{Autodecoder, Level, Pooling, Standard, of_tensors};
+use super::{Autodecoder, Level, Pooling, Standard};
+use crate::descent::of_tensors;
 
 const NETWORK: &str = "spiral.network.";
 /// Coarser levels at most.

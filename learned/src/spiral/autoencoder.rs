@@ -9,7 +9,8 @@ use glam::DVec3;
 use xavatar_formats::Result;
 
 use super::layers::{Unpooling, apply_all};
-use super::{Layer, Learner, Level, Parameters, Rate, Standard, convolution, of_tensors};
+use super::{Layer, Level, Standard, convolution};
+use crate::descent::{Learner, Parameters, Rate, of_tensors};
 
 /// Channels after each level's convolution.
 const CHANNELS: [usize; 4] = [16, 32, 64, 128];
@@ -56,6 +57,9 @@ impl Autoencoder {
 }
 
 impl Learner for Autoencoder {
+    const BATCH: usize = 16;
+    const FALLS: f64 = 0.99;
+
     fn parameters(&self) -> &Parameters {
         &self.parameters
     }
@@ -129,9 +133,10 @@ pub(super) mod tests {
     use xavatar_mesh::TriangleMesh;
 
     use super::*;
+    use crate::descent::Descent;
     use crate::reference::{faces, indices, largest_difference, reference, tensor, vectors};
     use crate::spiral::layers::Convolution;
-    use crate::spiral::{Descent, Pooling, levels};
+    use crate::spiral::{Pooling, levels};
 
     /// A ball of 42 vertices.
     pub(in crate::spiral) fn ball() -> TriangleMesh {

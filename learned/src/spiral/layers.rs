@@ -141,8 +141,8 @@ mod tests {
     use candle_core::{DType, Var};
 
     use super::*;
+    use crate::descent::Parameters;
     use crate::reference::{indices, largest_difference, reference, tensor};
-    use crate::spiral::Parameters;
 
     fn numbers(tensor: &Tensor) -> Vec<f64> {
         tensor.flatten_all().unwrap().to_vec1().unwrap()

@@ -1,6 +1,8 @@
 //! Bodies that are trained on a made-up population.
 
 mod attributes;
+mod blsm;
+mod feet;
 mod personal;
 mod sparse;
 mod spiral;

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 use std::sync::LazyLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::DVec3;
 use xavatar_learned::blsm::{BlsmBody, BlsmFit, BlsmParameters, FleshedBody, SpiralBody, SpiralTraining};
+use xavatar_learned::kept::Kept;
 
 use crate::tube::tube;
 
@@ -30,10 +32,11 @@ fn trained(people: usize) -> (SpiralBody, Vec<Vec<f64>>) {
     let mut shares = Vec::new();
     let training = SpiralTraining { codes: 3, epochs: 40, seed: 1 };
     let (body, codes) = training
-        .train(body, &flesh, |share| {
+        .train(body, &flesh, &mut Kept::nothing(), |share| {
             shares.push(share);
             Ok(())
         })
+        .unwrap()
         .unwrap();
     assert_eq!((shares.len(), shares[20]), (40, 0.5));
     (body, codes)
@@ -102,6 +105,32 @@ fn one_person_is_too_few() {
     let body = BlsmBody::of(&tube());
     let flesh = bulges(&body, 1);
     let training = SpiralTraining { codes: 3, epochs: 1, seed: 0 };
-    let message = training.train(body, &flesh, |_| Ok(())).unwrap_err().to_string();
+    let message = training.train(body, &flesh, &mut Kept::nothing(), |_| Ok(())).unwrap_err().to_string();
     assert!(message.contains("people is 1"), "{message}");
+}
+
+#[test]
+fn a_training_that_was_stopped_ends_with_the_same_bits() {
+    let body = BlsmBody::of(&tube());
+    let flesh = bulges(&body, 8);
+    let training = SpiralTraining { codes: 3, epochs: 6, seed: (1 << 53) + 1 };
+    let arrays = |trained: Option<(SpiralBody, Vec<Vec<f64>>)>| trained.unwrap().0.to_arrays().unwrap();
+    let whole = arrays(training.train(body.clone(), &flesh, &mut Kept::nothing(), |_| Ok(())).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let (stop, never) = (AtomicBool::new(false), AtomicBool::new(false));
+    let mut kept = Kept::in_folder(&folder.path().join("state"), "tube", false, &stop).unwrap();
+    let stopped = training.train(body.clone(), &flesh, &mut kept, |share| {
+        stop.store(share >= 0.5, Ordering::Relaxed);
+        Ok(())
+    });
+    assert!(stopped.unwrap().is_none());
+    drop(kept);
+    let mut kept = Kept::in_folder(&folder.path().join("state"), "tube", true, &never).unwrap();
+    let mut shares = Vec::new();
+    let resumed = training.train(body, &flesh, &mut kept, |share| {
+        shares.push(share);
+        Ok(())
+    });
+    assert_eq!(arrays(resumed.unwrap()), whole);
+    assert_eq!(shares.len(), 2);
 }

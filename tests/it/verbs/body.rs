@@ -2,13 +2,15 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
 
 use tempfile::TempDir;
 use xavatar::body::{BodyModel, Gender, Pose, PoseAxisAngle, smplx};
 use xavatar::formats::{Array, ArrayData, ArrayMap, read_npz, write_npz};
 use xavatar::mesh::{Colouring, TriangleMesh, read_mesh, write_ply};
 
-use super::tool::{TINY, assert_outcome, borrowed, data, outcome, run, text};
+use super::tool::{TINY, assert_outcome, borrowed, data, outcome, run, text, xavatar};
 
 /// The tiny files of the references, and what they are.
 const TINY_FILES: [(&str, &str, usize); 7] = [
@@ -449,4 +451,64 @@ fn a_body_with_bones_and_flesh_apart_is_trained_fitted_and_posed() {
     let glb = at("spiral.glb");
     let dance = ["body", "retarget", "dance", "--from", text(&start), "--to", text(&spiral), "--person", text(&own)];
     assert_outcome(&[&dance[..], &["--out", text(&glb)]].concat(), 0, &["72 frames"]);
+}
+
+#[test]
+fn a_body_whose_feet_were_trained_stands_on_the_ground() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let start = fleshed("tiny_smpl.npz", folder.path());
+    let [people, feet, json, mesh] = ["people", "feet.npz", "eval.json", "standing.ply"].map(at);
+    let people_of = ["body", "synth", "--body", text(&start), "--subjects", "3", "--poses", "8"];
+    let synth = [&people_of[..], &["--ground", "--out", text(&people)]].concat();
+    assert_outcome(&synth, 0, &["24 registrations of 3 people"]);
+    let train = ["body", "train", text(&people), "--from", text(&start), "--ground", "0", "--out", text(&feet)];
+    assert_outcome(&[&train[..], &["--kind", "supr"]].concat(), 2, &["--ground is for --kind feet"]);
+    let train = [&train[..], &["--kind", "feet"]].concat();
+    assert_outcome(&train, 0, &["with feet of 24 vertices that the ground presses", "held out: "]);
+    assert!(!at("feet.npz.training").exists());
+    assert_outcome(&["body", "info", text(&feet)], 0, &["SMPL body model", "feet: 24 vertices"]);
+    let eval = ["body", "eval", text(&feet), text(&people), "--ground", "0", "--json", text(&json)];
+    assert_outcome(&eval, 0, &["feet on the ground: ", "above it: "]);
+    let found: serde_json::Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    assert!(found["feet"]["in_contact"]["vertices"].as_u64().unwrap() > 24, "{found}");
+    let pose = |body: &Path, out: &Path| -> (i32, String) {
+        outcome(&["body", "pose", text(body), "rest", "--ground", "0", "--out", text(out)])
+    };
+    assert_eq!(pose(&feet, &mesh).0, 0);
+    let plain = at("plain.ply");
+    let (code, printed) = pose(&start, &plain);
+    assert!(code == 2 && printed.contains("--kind feet"), "{printed}");
+    assert_outcome(&["body", "pose", text(&feet), "rest", "--out", text(&plain)], 0, &[]);
+    // The feet alone are other than those of the body that knows of no ground.
+    let [standing, plain] = [&mesh, &plain].map(|file| read_mesh(file).unwrap().mesh.vertices);
+    let moved = standing.iter().zip(&plain).filter(|(one, other)| one.distance(**other) > 1e-6).count();
+    assert!((1..=24).contains(&moved), "{moved}");
+}
+
+#[test]
+fn a_training_of_a_body_is_stopped_and_gone_on_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let start = fleshed("tiny_smpl.npz", folder.path());
+    let [people, whole, stopped] = ["people", "whole.npz", "stopped.npz"].map(at);
+    let people_of = ["body", "synth", "--kind", "blsm", "--body", text(&start), "--subjects", "6", "--poses", "3"];
+    assert_outcome(&[&people_of[..], &["--out", text(&people)]].concat(), 0, &[]);
+    let train = ["body", "train", text(&people), "--from", text(&start), "--kind", "blsm", "--out"];
+    assert_outcome(&[&train[..], &[text(&whole)]].concat(), 0, &[]);
+    let broken = [&train[..], &[text(&stopped)]].concat();
+    let mut child = xavatar(&broken).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let state = at("stopped.npz.training");
+    while !state.join("person-1.npz").exists() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(3));
+    assert!(state.exists() && !stopped.exists());
+    assert_outcome(&broken, 1, &["a training that was begun", "--resume"]);
+    let other = [&broken[..], &["--resume", "--codes", "2"]].concat();
+    assert_outcome(&other, 1, &["codes Some(2)"]);
+    assert_outcome(&[&broken[..], &["--resume"]].concat(), 0, &["a BLSM body of 18 registrations"]);
+    assert!(std::fs::read(&whole).unwrap() == std::fs::read(&stopped).unwrap());
+    assert!(!state.exists());
 }

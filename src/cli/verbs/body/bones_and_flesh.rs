@@ -9,6 +9,7 @@ use xavatar::body::{BodyModel, Skeleton, smpl, smplx};
 use xavatar::data::{MotionOptions, RestPose};
 use xavatar::formats::{ArrayFile, ArrayMap, write_npz};
 use xavatar::learned::blsm::{BlsmBody, BlsmParameters, BlsmTraining, FleshedBody, SpiralTraining};
+use xavatar::learned::kept::Kept;
 use xavatar::learned::registrations::Registrations;
 use xavatar::synthetic::load_poses;
 
@@ -113,35 +114,38 @@ impl fmt::Display for Trained<'_> {
     }
 }
 
-/// Trains a body on registrations and writes it.
+/// Trains a body on registrations and writes it; none if that was stopped.
 pub fn train<'a>(
     start: &BodyModel,
     registrations: &Registrations,
     keep_weights: bool,
     (identity, codes): (Identity, usize),
     file: &'a Path,
-) -> anyhow::Result<Trained<'a>> {
+    kept: &mut Kept<'_>,
+) -> anyhow::Result<Option<Trained<'a>>> {
     let mut progress = Progress::new();
-    let trained = BlsmTraining { shapes: codes, keep_weights }.train(start, registrations, |share| {
+    let trained = BlsmTraining { shapes: codes, keep_weights }.train(start, registrations, kept, |share| {
         progress.show("training", share, "bones and flesh");
         Ok(())
     })?;
     progress.finish();
+    let Some(trained) = trained else { return Ok(None) };
     let (arrays, shapes, identity) = match identity {
         Identity::Linear => (trained.body.to_arrays(), trained.body.shape_basis.len(), LINEAR),
         Identity::Spiral => {
             let mut progress = Progress::new();
             let training = SpiralTraining { codes, epochs: EPOCHS, seed: SEED };
-            let (body, _) = training.train(trained.body.clone(), &trained.flesh, |share| {
-                progress.show("training", share, "the network of the flesh");
+            let found = training.train(trained.body.clone(), &trained.flesh, kept, |share| {
+                progress.show("flesh", share, "by a network along spirals");
                 Ok(())
             })?;
             progress.finish();
+            let Some((body, _)) = found else { return Ok(None) };
             (body.to_arrays()?, body.code_count(), SPIRAL)
         }
     };
     write_npz(file, &arrays)?;
-    Ok(Trained {
+    Ok(Some(Trained {
         file,
         family: "BLSM",
         subjects: registrations.subjects.len(),
@@ -151,7 +155,7 @@ pub fn train<'a>(
         identity,
         shapes,
         mean_mm: trained.distances.iter().map(|distance| distance * 1e3).collect(),
-    })
+    }))
 }
 
 /// The skeleton of another family with the same joints, by which motions are read.

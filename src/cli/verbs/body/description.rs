@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 use xavatar::body::{BodyModel, Coefficients, Gender, PartLabels, mano};
 use xavatar::formats::{ArrayMap, Result};
+use xavatar::learned::feet::Feet;
 
 /// A body model.
 #[derive(Serialize)]
@@ -20,6 +21,8 @@ pub struct BodyDescription {
     shape_coefficients: usize,
     expression_coefficients: usize,
     pose_correctives: String,
+    /// Vertices of feet that the ground presses, of a body whose feet were trained.
+    feet: Option<usize>,
     /// Hands whose poses may be relative to a mean, and how many components each has.
     hand_components: Vec<usize>,
     /// From the lowest vertex of the template to the highest, metres.
@@ -49,6 +52,11 @@ impl BodyDescription {
             shape_coefficients: body.shape_coefficients(),
             expression_coefficients: body.expression_coefficients(),
             pose_correctives: body.correctives().to_string(),
+            feet: if Feet::are_in(arrays) {
+                Some(Feet::from_arrays(path, arrays, &body)?.vertices().count())
+            } else {
+                None
+            },
             hand_components: body.hands().iter().map(|hand| hand.components.len()).collect(),
             height: heights().fold(f32::MIN, f32::max) - heights().fold(f32::MAX, f32::min),
             part_labels: PartLabels::find(&body)
@@ -71,6 +79,9 @@ impl fmt::Display for BodyDescription {
         let coefficients = (self.shape_coefficients, self.expression_coefficients);
         writeln!(formatter, "coefficients: {} of shape, {} of expression", coefficients.0, coefficients.1)?;
         writeln!(formatter, "pose correctives: {}", self.pose_correctives)?;
+        if let Some(vertices) = self.feet {
+            writeln!(formatter, "feet: {vertices} vertices that the ground presses, by networks")?;
+        }
         for components in &self.hand_components {
             writeln!(formatter, "a hand with a mean pose and {components} components")?;
         }

@@ -5,10 +5,11 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 use xavatar::body::{BodyModel, Coefficients};
-use xavatar::learned::evaluation::{Evaluation, evaluate};
+use xavatar::learned::evaluation::{Evaluation, OfFeet, OnGround, Pressed, evaluate};
 use xavatar::learned::registrations::Registrations;
 use xavatar::learned::truth::KnownTruth;
 
+use super::feet;
 use crate::cli::Outcome;
 use crate::cli::output::json::JsonArgument;
 use crate::cli::output::progress::Progress;
@@ -29,6 +30,9 @@ pub struct Eval {
     /// Numbers of coefficients that are fitted; those that the body has, and always all of them
     #[arg(long, value_name = "K,...", value_delimiter = ',', default_value = "1,2,5,10,16,32,64,100,300")]
     coefficients: Vec<usize>,
+    /// Height of the ground under registrations, metres, of a body whose feet were trained; without it each registration's own, where its feet are flat
+    #[arg(long, value_name = "Y", allow_hyphen_values = true)]
+    ground: Option<f64>,
     #[command(flatten)]
     json: JsonArgument,
 }
@@ -45,8 +49,10 @@ impl Eval {
         let model = BodyModel::from_arrays_with(&self.body, &arrays, Coefficients::All)?;
         let registrations = Registrations::find(&self.registrations, model.vertex_count())?;
         let truth = KnownTruth::find(&self.registrations)?;
+        let feet = feet::of_file(&self.body, &arrays, &model, self.ground)?;
+        let on_ground = feet.as_ref().map(|feet| OnGround { feet, ground: self.ground });
         let mut progress = Progress::new();
-        let found = evaluate(&model, &registrations, &self.coefficients, truth.as_ref(), |share| {
+        let found = evaluate(&model, &registrations, &self.coefficients, on_ground, truth.as_ref(), |share| {
             progress.show("fitting", share, "people");
             Ok(())
         })?;
@@ -59,7 +65,7 @@ impl Eval {
 
 impl fmt::Display for Table {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Evaluation { frames, subjects, shapes, poses_mm, by_subject, truth } = &self.0;
+        let Evaluation { frames, subjects, shapes, poses_mm, by_subject, feet, truth } = &self.0;
         writeln!(formatter, "{frames} registrations of {subjects} people")?;
         writeln!(formatter, "{:>12}  {:>8}  {:>9}", "coefficients", "mean mm", "AUC 10 mm")?;
         for at in shapes {
@@ -70,6 +76,11 @@ impl fmt::Display for Table {
         }
         if let Some(worst) = by_subject.iter().max_by(|one, other| one.mean_mm.total_cmp(&other.mean_mm)) {
             writeln!(formatter, "worst: {}, {:.3} mm", worst.name, worst.mean_mm)?;
+        }
+        if let Some(OfFeet { in_contact, others }) = feet {
+            for (name, Pressed { without_mm, with_mm, .. }) in [("on the ground", in_contact), ("above it", others)] {
+                writeln!(formatter, "feet {name}: {without_mm:.3} mm, {with_mm:.3} mm as the ground presses them")?;
+            }
         }
         let Some(truth) = truth else { return Ok(()) };
         if let Some(joints) = truth.joints_mm {

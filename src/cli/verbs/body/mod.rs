@@ -4,6 +4,7 @@ mod bones_and_flesh;
 mod convert;
 mod description;
 mod eval;
+mod feet;
 mod fit;
 mod import;
 mod info;

@@ -9,7 +9,7 @@ use xavatar::learned::blsm::{BlsmBody, FleshedBody};
 use xavatar::mesh::TriangleMesh;
 use xavatar::synthetic::load_poses;
 
-use super::bones_and_flesh;
+use super::{bones_and_flesh, feet};
 use crate::cli::Outcome;
 use crate::cli::options::meshes::MeshFormat;
 use crate::cli::options::{inputs, motion};
@@ -22,7 +22,8 @@ use crate::cli::wrong_usage;
 #[command(after_help = "Examples:\n  \
     xavatar body pose models/SMPLX_NEUTRAL.npz amass.npz --frame 20 --out body.ply\n  \
     xavatar body pose models/MANO_RIGHT.pkl grasp.npz --out hand.obj\n  \
-    xavatar body pose models/SMPL_NEUTRAL.pkl rest --shape 1.5,-0.5 --out body.ply")]
+    xavatar body pose models/SMPL_NEUTRAL.pkl rest --shape 1.5,-0.5 --out body.ply\n  \
+    xavatar body pose body-with-feet.npz walk.npz --frame 20 --ground 0 --out standing.ply")]
 pub struct PoseBody {
     /// A model's file: .npz, .pkl, or SUPR's .npy
     #[arg(value_name = "FILE")]
@@ -36,6 +37,9 @@ pub struct PoseBody {
     /// Shape coefficients instead of the file's, with commas
     #[arg(long, value_name = "B", value_delimiter = ',', allow_hyphen_values = true)]
     shape: Option<Vec<f32>>,
+    /// Height of the ground, metres, that presses the feet of a body of `body train --kind feet`
+    #[arg(long, value_name = "Y", allow_hyphen_values = true)]
+    ground: Option<f64>,
     /// The mesh to write, .ply or .obj
     #[arg(long, value_name = "FILE", default_value = "body.ply")]
     out: PathBuf,
@@ -61,10 +65,13 @@ impl PoseBody {
         self.json.check()?;
         let arrays = if self.file.is_file() { Some(BodyModel::read_arrays(&self.file)?) } else { None };
         if let Some(arrays) = arrays.as_ref().filter(|arrays| BlsmBody::is_in(arrays)) {
+            if self.ground.is_some() {
+                wrong_usage!("--ground is for bodies of `xavatar body train --kind feet`")
+            }
             return self.pose_blsm(&FleshedBody::from_arrays(&self.file, arrays)?, format);
         }
-        let body = match arrays {
-            Some(arrays) => BodyModel::from_arrays(&self.file, &arrays)?,
+        let body = match &arrays {
+            Some(arrays) => BodyModel::from_arrays(&self.file, arrays)?,
             None => inputs::load_body(&self.file, Gender::default())?.0,
         };
         let skeleton = body.skeleton();
@@ -88,7 +95,12 @@ impl PoseBody {
         }
         pose.shape.truncate(body.shape_coefficients());
         pose.expression.truncate(body.expression_coefficients());
-        let posed = body.pose(&pose)?;
+        let mut posed = body.pose(&pose)?;
+        if let Some(ground) = self.ground
+            && let Some(feet) = feet::of_file(&self.file, &arrays.unwrap_or_default(), &body, self.ground)?
+        {
+            posed.vertices = feet.posed(&body, &pose, ground)?.iter().map(|vertex| vertex.as_vec3()).collect();
+        }
         let joints = skeleton.joints.iter().map(String::as_str).zip(posed.joints.iter().map(|joint| joint.to_array()));
         let written = Posed { file: &self.out, vertices: posed.vertices.len(), joints: joints.collect() };
         format.write(&self.out, &body.mesh(posed.vertices.clone()))?;

@@ -14,12 +14,14 @@ use crate::cli::options::inputs;
 use crate::cli::output::files;
 use crate::cli::output::json::JsonArgument;
 use crate::cli::output::progress::Progress;
+use crate::cli::wrong_usage;
 
 /// Write registrations of a made-up population, with the truth about it
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     xavatar body synth --out people\n  \
-    xavatar body synth --body anny.npz --subjects 5 --poses 20 --out few\n\n\
+    xavatar body synth --body anny.npz --subjects 5 --poses 20 --out few\n  \
+    xavatar body synth --ground --out standing\n\n\
     People differ in the body's shapes; poses are random; sparse correctives of two joints a vertex are planted. `truth/` has the body, and where joints are.")]
 pub struct Synth {
     /// Folder to make: a folder a person with a mesh a pose, and `truth`
@@ -40,6 +42,9 @@ pub struct Synth {
     /// Noise of a registration, millimetres a coordinate
     #[arg(long, value_name = "MM", default_value_t = 2.0)]
     noise: f64,
+    /// People stand on the ground, y = 0, which presses their feet; for --kind supr
+    #[arg(long)]
+    ground: bool,
     /// Others than those of another number
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -66,6 +71,9 @@ impl Synth {
     pub fn run(self) -> anyhow::Result<Outcome> {
         files::new_folder(&self.out, "choose another")?;
         self.json.check()?;
+        if self.ground && matches!(self.kind, Kind::Blsm) {
+            wrong_usage!("--ground is for --kind supr")
+        }
         let start: BodyModel = match &self.body {
             Some(path) => inputs::load_body(path, Gender::of_file_name(path).unwrap_or_default())?.0,
             None => BuiltInSubject::new()?.model().clone(),
@@ -78,7 +86,8 @@ impl Synth {
         };
         match self.kind {
             Kind::Supr => {
-                let population = Population { subjects, poses, noise, seed, ..Population::default() };
+                let population =
+                    Population { subjects, poses, noise, ground: self.ground, seed, ..Population::default() };
                 population.write(&start, &self.out, tell)?;
             }
             Kind::Blsm => drop(BlsmPopulation { subjects, poses, noise, seed }.write(&start, &self.out, tell)?),

@@ -1,7 +1,10 @@
-//! The training of a network: epochs of batches in an order drawn from a seed, Adam, rates that fall.
+//! The training of small networks on candle, on the CPU: epochs of batches in an order drawn from a seed, Adam, rates that fall.
 //!
 //! The order of epoch e is drawn from stream e of the seed, so that the state between epochs is the parameters, Adam's moments and two counts: a training
 //! that was written there and read again goes on to the bit.
+
+mod adam;
+mod parameters;
 
 use std::path::Path;
 
@@ -11,18 +14,22 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use xavatar_formats::{Array, ArrayData, ArrayMap, Error, Result};
 
-use super::{Adam, Parameters, Rate, count_of, of_tensors};
+use crate::named_arrays::NamedArrays;
 
-/// What rates are multiplied by after an epoch.
-const FALLS: f64 = 0.99;
-/// Shapes of a batch.
-const BATCH: usize = 16;
+pub use adam::{Adam, Rate};
+pub use parameters::Parameters;
+
 const EPOCHS: &str = "epochs";
 const SEED: &str = "seed";
 const PREFIX: &str = "parameters.";
 
 /// What is trained.
 pub trait Learner {
+    /// Examples of a batch.
+    const BATCH: usize;
+    /// What rates are multiplied by after an epoch.
+    const FALLS: f64;
+
     /// What moves.
     fn parameters(&self) -> &Parameters;
     /// How fast, by a parameter's name.
@@ -64,13 +71,13 @@ impl Descent {
     /// # Errors
     /// [`Error::Value`] if a loss is no number, with the epoch.
     pub fn epoch<L: Learner>(&mut self, learner: &L) -> Result<f64> {
-        let share = FALLS.powf(self.epochs as f64);
+        let share = L::FALLS.powf(self.epochs as f64);
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         random.set_stream(self.epochs);
         let mut order: Vec<u32> = (0..learner.examples() as u32).collect();
         order.shuffle(&mut random);
         let mut sum = 0.0;
-        for batch in order.chunks(BATCH) {
+        for batch in order.chunks(L::BATCH) {
             let loss = self.step(learner, batch, share).map_err(of_tensors)?;
             if !loss.is_finite() {
                 return Err(Error::Value {
@@ -98,9 +105,7 @@ impl Descent {
     pub fn to_arrays<L: Learner>(&self, learner: &L) -> Result<ArrayMap> {
         let mut arrays = learner.parameters().to_arrays(PREFIX).map_err(of_tensors)?;
         arrays.extend(self.adam.to_arrays().map_err(of_tensors)?);
-        for (name, count) in [(EPOCHS, self.epochs), (SEED, self.seed)] {
-            arrays.insert(name.into(), Array { shape: Vec::new(), data: ArrayData::I64(vec![count as i64]) });
-        }
+        arrays.extend([(EPOCHS.into(), of_count(self.epochs)), (SEED.into(), of_count(self.seed))]);
         Ok(arrays)
     }
 
@@ -114,5 +119,40 @@ impl Descent {
         descent.adam.set(path, arrays)?;
         descent.epochs = count_of(path, arrays, EPOCHS)?;
         Ok(descent)
+    }
+}
+
+/// A count as an array, all of its bits.
+pub(crate) fn of_count(count: u64) -> Array {
+    Array { shape: Vec::new(), data: ArrayData::I64(vec![count.cast_signed()]) }
+}
+
+/// The count that [`of_count`] made the array of.
+pub(crate) fn count_of(path: &Path, arrays: &ArrayMap, name: &str) -> Result<u64> {
+    match arrays.get(name).map(|array| &array.data) {
+        Some(ArrayData::I64(numbers)) if numbers.len() == 1 => Ok(numbers[0].cast_unsigned()),
+        _ => Err(NamedArrays::of_state(path, arrays).wrong(name, "one integer")),
+    }
+}
+
+/// What candle refuses: arrays that do not fit each other.
+pub(crate) fn of_tensors(error: candle_core::Error) -> Error {
+    Error::Value { name: "network".into(), found: error.to_string(), expected: "arrays that fit each other".into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_beyond_what_doubles_tell_apart_keep_their_bits() {
+        let path = Path::new("state.npz");
+        for count in [0, (1 << 53) + 1, u64::MAX - 2] {
+            let arrays = ArrayMap::from([("seed".to_owned(), of_count(count))]);
+            assert_eq!(count_of(path, &arrays, "seed").unwrap(), count);
+        }
+        let arrays = ArrayMap::from([("seed".to_owned(), Array::from_f32(&[1], vec![3.0]))]);
+        let message = count_of(path, &arrays, "seed").unwrap_err().to_string();
+        assert!(message.contains("state.npz") && message.contains("`seed`"), "{message}");
     }
 }

@@ -10,8 +10,8 @@ use candle_core::backprop::GradStore;
 use candle_core::{Result, Tensor};
 use xavatar_formats::{Array, ArrayData, ArrayMap, Error};
 
-use super::Parameters;
 use super::parameters::{array_of, tensor_of};
+use super::{Parameters, count_of};
 
 /// How much of the moments stays.
 const STAYS: [f64; 2] = [0.9, 0.999];
@@ -91,7 +91,7 @@ impl Adam {
     /// # Errors
     /// [`Error::Malformed`] naming the array that is missing or has another shape.
     pub fn set(&mut self, path: &Path, arrays: &ArrayMap) -> std::result::Result<(), Error> {
-        self.steps = super::count_of(path, arrays, STEPS)?;
+        self.steps = count_of(path, arrays, STEPS)?;
         for (name, moments) in &mut self.moments {
             for (moment, prefix) in moments.iter_mut().zip(MOMENTS) {
                 *moment = tensor_of(path, arrays, &format!("{prefix}{name}"), moment.dims(), moment.dtype())?;

@@ -1,6 +1,6 @@
 //! The numbers of a network that training moves, by name, and those that it keeps count of: made from a seed, written as arrays, read again to the bit.
 //!
-//! Weights and offsets of a layer of n inputs begin uniform in +-1/sqrt(n). candle's own generator of random numbers on the CPU has no seed, so they are drawn
+//! Weights and offsets of a layer of n inputs begin uniform in +-1/sqrt(n), if nothing else is asked for. candle's own generator of random numbers on the CPU has no seed, so they are drawn
 //! here.
 
 use std::collections::BTreeMap;
@@ -11,6 +11,8 @@ use candle_nn::{BatchNorm, Linear};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use xavatar_formats::{Array, ArrayData, ArrayMap, Error};
+
+use super::of_tensors;
 
 /// What is added to a variance, so that it is not zero.
 const EPSILON: f64 = 1e-5;
@@ -43,7 +45,11 @@ impl Parameters {
 
     /// y = x W^T + b, W named `NAME.W` (outputs, inputs), b `NAME.b` (outputs).
     pub(crate) fn linear(&mut self, name: &str, inputs: usize, outputs: usize) -> Result<Linear> {
-        let most = 1.0 / (inputs.max(1) as f64).sqrt();
+        self.linear_within(name, inputs, outputs, 1.0 / (inputs.max(1) as f64).sqrt())
+    }
+
+    /// The same, weights and offsets uniform in +-`most`.
+    pub(crate) fn linear_within(&mut self, name: &str, inputs: usize, outputs: usize, most: f64) -> Result<Linear> {
         let weights = self.uniform(&format!("{name}.W"), &[outputs, inputs], most)?;
         let offsets = self.uniform(&format!("{name}.b"), &[outputs], most)?;
         Ok(Linear::new(weights, Some(offsets)))
@@ -100,7 +106,7 @@ impl Parameters {
     pub fn set(&self, path: &Path, arrays: &ArrayMap, prefix: &str) -> std::result::Result<(), Error> {
         for (name, variable) in self.trained.iter().chain(&self.counted) {
             let values = tensor_of(path, arrays, &format!("{prefix}{name}"), variable.dims(), self.kind)?;
-            variable.set(&values).map_err(super::of_tensors)?;
+            variable.set(&values).map_err(of_tensors)?;
         }
         Ok(())
     }
@@ -136,7 +142,7 @@ pub(super) fn tensor_of(
         });
     };
     let tensor = Tensor::from_vec(numbers, shape, &Device::Cpu).and_then(|tensor| tensor.to_dtype(kind));
-    tensor.map_err(super::of_tensors)
+    tensor.map_err(of_tensors)
 }
 
 #[cfg(test)]
