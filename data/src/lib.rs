@@ -28,8 +28,8 @@ pub use notes::FrameNotes;
 pub use placement::{Origin, ScanPlacement};
 pub use rgbd::{
     BACKGROUND, DepthFormat, DepthPicture, FARTHEST_DEPTH, NO_MEASUREMENT, PointCloud, RgbdCheckReport, RgbdFiles,
-    RgbdFrame, RgbdFrames, RgbdLayout, RgbdSubject, check_rgbd, parse_depth, read_depth, write_depth,
-    write_rgbd_subject,
+    RgbdFrame, RgbdFrames, RgbdLayout, RgbdPictures, RgbdSubject, check_rgbd, parse_depth, read_depth,
+    remove_rgbd_frame, write_depth, write_rgbd_subject,
 };
 pub use subject::{FrameFile, FrameFiles, HandZero, Layout, Scans, Subject, read_frame};
 pub use xhumans::{FrameFolder, write_common, write_subject};

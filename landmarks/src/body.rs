@@ -27,7 +27,9 @@ const SECOND: [(usize, f32); 2] = [(24, 0.0), (12, 0.436)];
 /// How far cameras are from the person, metres.
 const DISTANCE: f32 = 4.0;
 /// Side of a picture, of what has to be in it.
-const MARGIN: f32 = 1.25;
+pub const MARGIN: f32 = 1.25;
+/// Its rows and columns.
+pub const PIXELS: u32 = 256;
 /// Pictures in which the network is less sure that there is a person say nothing.
 const PERSON: f32 = 0.5;
 /// Points that are less surely seen say nothing.
@@ -112,24 +114,27 @@ fn upright(scan: &TriangleMesh, direction: Vec3, hips: Vec3, torso: Vec3) -> Pin
 }
 
 fn square(middle: Vec3, towards_camera: Vec3, up: Vec3, extent: f32) -> PinholeCamera {
-    Square { middle, towards_camera, up, distance: DISTANCE, side: MARGIN * extent, pixels: 256 }.camera()
+    Square { middle, towards_camera, up, distance: DISTANCE, side: MARGIN * extent, pixels: PIXELS }.camera()
 }
 
 fn sights(network: &Network, scene: &Scene<'_>, cameras: &[PinholeCamera]) -> Result<Vec<Sight>> {
     let sight = |workspace: &mut Workspace, camera: &PinholeCamera| -> Result<Option<Sight>> {
-        let outputs = network.run(&taken(scene, camera)?, workspace);
-        let [points, person] = outputs.as_slice() else { return Ok(None) };
-        if person[0] < PERSON {
-            return Ok(None);
-        }
-        let rays = points.chunks_exact(NUMBERS).take(POINTS).map(|numbers| {
-            let weight = sigmoid(numbers[3]) * sigmoid(numbers[4]);
-            (weight > SEEN).then(|| ray(camera, Vec2::new(numbers[0], numbers[1]), weight))
-        });
+        let Some(seen) = seen(&network.run(&taken(scene, camera)?, workspace)) else { return Ok(None) };
+        let rays = seen.into_iter().map(|seen| seen.map(|(at, weight)| ray(camera, at, weight)));
         Ok(Some(Sight { rays: rays.collect() }))
     };
     let sights = cameras.par_iter().map_init(Workspace::default, sight).collect::<Result<Vec<_>>>()?;
     Ok(sights.into_iter().flatten().collect())
+}
+
+/// Where in the picture the network sees each point, pixels, and how surely; none if there is no person.
+pub fn seen(outputs: &[Vec<f32>]) -> Option<Vec<Option<(Vec2, f64)>>> {
+    let [points, person] = outputs else { return None };
+    let point = |numbers: &[f32]| {
+        let weight = sigmoid(numbers[3]) * sigmoid(numbers[4]);
+        (weight > SEEN).then(|| (Vec2::new(numbers[0], numbers[1]), weight))
+    };
+    (person[0] >= PERSON).then(|| points.chunks_exact(NUMBERS).take(POINTS).map(point).collect())
 }
 
 fn sigmoid(value: f32) -> f64 {

@@ -22,7 +22,7 @@ pub struct Landmark {
 }
 
 /// Joints and the points that they are.
-const JOINTS: [(&str, usize); 14] = [
+pub const JOINTS: [(&str, usize); 14] = [
     ("left_eye", point::LEFT_EYE),
     ("right_eye", point::RIGHT_EYE),
     ("left_shoulder", point::LEFT_SHOULDER),
@@ -41,22 +41,23 @@ const JOINTS: [(&str, usize); 14] = [
 /// Fingers as the network counts them.
 const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "pinky"];
 /// From the wrist to the middle of the hand, metres.
-const TO_MIDDLE: f64 = 0.09;
+pub const TO_MIDDLE: f64 = 0.09;
 /// How much the forearm says of where fingers point, of what the knuckles say.
 const OF_FOREARM: f64 = 0.5;
 /// Landmarks that are less sure are left out.
 const SURE: f64 = 0.05;
 
 /// An arm: its side, the name of that, and its points.
-struct Arm {
-    side: Side,
-    name: &'static str,
-    elbow: usize,
-    wrist: usize,
-    knuckles: [usize; 2],
+pub struct Arm {
+    pub side: Side,
+    pub name: &'static str,
+    pub elbow: usize,
+    pub wrist: usize,
+    pub knuckles: [usize; 2],
 }
 
-const ARMS: [Arm; 2] = [
+/// Both.
+pub const ARMS: [Arm; 2] = [
     Arm {
         side: Side::Left,
         name: "left",
@@ -108,13 +109,18 @@ fn whereabouts(arm: &Arm, points: &[Option<Meeting>]) -> Option<Whereabouts> {
 }
 
 fn of_hand(side: &str, points: &[Option<Meeting>]) -> Vec<Landmark> {
-    let name = |point: usize| match point.checked_sub(1).map(|place| (FINGERS[place / 4], place % 4)) {
+    let point =
+        |(point, met): (usize, &Option<Meeting>)| landmark(&hand_point_name(side, point), (*met)?, hands::REACH);
+    points.iter().enumerate().filter_map(point).collect()
+}
+
+/// What a point of a hand is called.
+pub fn hand_point_name(side: &str, point: usize) -> String {
+    match point.checked_sub(1).map(|place| (FINGERS[place / 4], place % 4)) {
         None => format!("{side}_wrist"),
         Some((finger, 3)) => format!("{side}_{finger}"),
         Some((finger, joint)) => format!("{side}_{finger}{}", joint + 1),
-    };
-    let point = |(point, met): (usize, &Option<Meeting>)| landmark(&name(point), (*met)?, hands::REACH);
-    points.iter().enumerate().filter_map(point).collect()
+    }
 }
 
 /// Surer the closer the pictures' rays pass to each other, and the more of them do.

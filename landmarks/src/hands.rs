@@ -19,9 +19,9 @@ use crate::rays::{Meeting, Ray, meeting};
 /// Points of a hand: the wrist, then each finger from the palm to its tip.
 pub const POINTS: usize = 21;
 /// Number of the wrist.
-const WRIST: usize = 0;
+pub const WRIST: usize = 0;
 /// Number of the middle finger's knuckle.
-const KNUCKLE: usize = 9;
+pub const KNUCKLE: usize = 9;
 /// Directions of which those are taken that see the hand from its sides.
 const DIRECTIONS: usize = 40;
 /// The largest cosine between the view and the fingers.
@@ -29,7 +29,9 @@ const ALONG: f64 = 0.75;
 /// How far cameras are from the hand, metres.
 const DISTANCE: f32 = 1.0;
 /// The first and the second time: what is farther from the middle of the hand is cut away, and how large a picture is, metres.
-const ROUNDS: [Round; 2] = [Round { around: 0.2, side: 0.30 }, Round { around: 0.15, side: 0.26 }];
+pub const ROUNDS: [Round; 2] = [Round { around: 0.2, side: 0.30 }, Round { around: 0.15, side: 0.26 }];
+/// Rows and columns of a picture.
+pub const PIXELS: u32 = 224;
 /// Pictures in which the network is less sure that there is a hand say nothing.
 const HAND: f32 = 0.5;
 /// Rays that pass farther from a joint see another place, metres.
@@ -37,9 +39,11 @@ pub const REACH: f64 = 0.025;
 /// A hand that fewer of the pictures see is not there: hands that are have 0.36 and more, others none.
 const SEEN: f64 = 0.2;
 
-struct Round {
+/// One look at a hand.
+pub struct Round {
     around: f32,
-    side: f32,
+    /// How much a picture shows, metres.
+    pub side: f32,
 }
 
 /// Which hand.
@@ -117,7 +121,7 @@ fn cameras(whereabouts: Whereabouts, side: f32) -> Vec<PinholeCamera> {
             up: outward.as_vec3(),
             distance: DISTANCE,
             side,
-            pixels: 224,
+            pixels: PIXELS,
         };
         square.camera()
     };
@@ -136,15 +140,32 @@ fn around(scan: &TriangleMesh, middle: DVec3, radius: f32) -> TriangleMesh {
     }
 }
 
+/// A hand as the network sees it.
+pub struct SeenHand {
+    /// Its points in the picture, pixels.
+    pub points: Vec<Vec2>,
+    /// How sure it is that there is a hand.
+    pub sure: f64,
+    /// Which it is.
+    pub side: Side,
+}
+
+/// What the network says of a picture; none if there is no hand.
+pub fn seen(outputs: &[Vec<f32>]) -> Option<SeenHand> {
+    let [points, hand, right] = outputs else { return None };
+    let seen = || SeenHand {
+        points: points.chunks_exact(3).map(|place| Vec2::new(place[0], place[1])).collect(),
+        sure: f64::from(hand[0]),
+        side: if right[0] > 0.5 { Side::Right } else { Side::Left },
+    };
+    (hand[0] >= HAND).then(seen)
+}
+
 fn sights(network: &Network, scene: &Scene<'_>, cameras: &[PinholeCamera]) -> Result<Vec<Sight>> {
     let sight = |workspace: &mut Workspace, camera: &PinholeCamera| -> Result<Option<Sight>> {
-        let outputs = network.run(&taken(scene, camera)?, workspace);
-        let [points, hand, right] = outputs.as_slice() else { return Ok(None) };
-        if hand[0] < HAND {
-            return Ok(None);
-        }
-        let rays = points.chunks_exact(3).map(|place| ray(camera, Vec2::new(place[0], place[1]), f64::from(hand[0])));
-        Ok(Some(Sight { rays: rays.collect(), is_right: right[0] > 0.5 }))
+        let Some(seen) = seen(&network.run(&taken(scene, camera)?, workspace)) else { return Ok(None) };
+        let rays = seen.points.iter().map(|at| ray(camera, *at, seen.sure));
+        Ok(Some(Sight { rays: rays.collect(), is_right: seen.side == Side::Right }))
     };
     let sights = cameras.par_iter().map_init(Workspace::default, sight).collect::<Result<Vec<_>>>()?;
     Ok(sights.into_iter().flatten().collect())

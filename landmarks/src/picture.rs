@@ -1,7 +1,8 @@
 //! Virtual cameras: a scan can be looked at from anywhere, so each network gets the picture that it was trained on. The person's part in
-//! question fills it and stands upright.
+//! question fills it and stands upright. Of a picture that is there, a square is cut likewise.
 
 use glam::{DVec3, Mat3, Vec2, Vec3};
+use image::RgbImage;
 use xavatar_formats::Result;
 use xavatar_mesh::camera::PinholeCamera;
 use xavatar_render::{Scene, View};
@@ -47,6 +48,60 @@ impl Square {
     }
 }
 
+/// A square of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crop {
+    /// What is in its middle, pixels of the picture.
+    pub middle: Vec2,
+    /// What of the picture points up in it, of length 1.
+    pub up: Vec2,
+    /// How much of the picture it shows, pixels.
+    pub side: f32,
+    /// Its own rows and columns.
+    pub pixels: u32,
+}
+
+impl Crop {
+    /// Where a place of the square is in the picture.
+    pub fn in_picture(&self, place: Vec2) -> Vec2 {
+        let [right, down] = (place / self.pixels as f32 - 0.5).to_array();
+        self.middle + self.side * (right * self.up.perp() - down * self.up)
+    }
+
+    /// The square as networks take it, as [`taken`]; black beyond the picture.
+    pub fn taken(&self, picture: &RgbImage) -> Vec<f32> {
+        // As many samples a pixel as the picture has pixels there.
+        let samples = (self.side / self.pixels as f32).ceil().clamp(1.0, 8.0) as u32;
+        let along = |index: u32, sample: u32| index as f32 + (sample as f32 + 0.5) / samples as f32;
+        let mut values = Vec::with_capacity(3 * (self.pixels * self.pixels) as usize);
+        for row in 0..self.pixels {
+            for column in 0..self.pixels {
+                let places = (0..samples).flat_map(|down| (0..samples).map(move |right| (right, down)));
+                let sum: Vec3 = places
+                    .map(|(right, down)| self.in_picture(Vec2::new(along(column, right), along(row, down))))
+                    .map(|place| between_pixels(picture, place))
+                    .sum();
+                values.extend((sum / (samples * samples) as f32 / 255.0).to_array());
+            }
+        }
+        values
+    }
+}
+
+/// The colour at a place, linear between the middles of pixels.
+fn between_pixels(picture: &RgbImage, place: Vec2) -> Vec3 {
+    let colour = |column: i64, row: i64| {
+        let inside = u32::try_from(column).ok().zip(u32::try_from(row).ok());
+        let pixel = inside.and_then(|(column, row)| picture.get_pixel_checked(column, row));
+        pixel.map_or(Vec3::ZERO, |pixel| Vec3::from_array(pixel.0.map(f32::from)))
+    };
+    let corner = (place - 0.5).floor();
+    let share = place - 0.5 - corner;
+    let (column, row) = (corner.x as i64, corner.y as i64);
+    let of_row = |row: i64| colour(column, row).lerp(colour(column + 1, row), share.x);
+    of_row(row).lerp(of_row(row + 1), share.y)
+}
+
 /// A picture as networks take it: rows x columns x red, green, blue, 0 to 1.
 ///
 /// # Errors
@@ -77,6 +132,23 @@ pub fn directions(count: usize) -> Vec<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_square_of_a_picture_is_turned_so_that_up_is_up() {
+        let picture = RgbImage::from_fn(60, 40, |column, row| image::Rgb([4 * column as u8, 6 * row as u8, 0]));
+        let crop = Crop { middle: Vec2::new(20.0, 22.0), up: Vec2::X, side: 10.0, pixels: 20 };
+        // Up in the square is right in the picture, so right in the square is down.
+        assert!(crop.in_picture(Vec2::new(10.0, 0.0)).distance(Vec2::new(25.0, 22.0)) < 1e-5);
+        assert!(crop.in_picture(Vec2::new(20.0, 10.0)).distance(Vec2::new(20.0, 27.0)) < 1e-5);
+        let taken = crop.taken(&picture);
+        let place = crop.in_picture(Vec2::new(13.5, 4.5));
+        let expected = [4.0 * (place.x - 0.5) / 255.0, 6.0 * (place.y - 0.5) / 255.0, 0.0];
+        for (found, expected) in taken[3 * (4 * 20 + 13)..].iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+        }
+        let beside = Crop { middle: Vec2::new(-50.0, 0.0), ..crop };
+        assert!(beside.taken(&picture).iter().all(|value| *value == 0.0));
+    }
 
     #[test]
     fn the_middle_is_in_the_middle_and_up_is_up() {

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use xavatar::body::Gender;
 use xavatar::data::Scans;
 use xavatar::register::fit::Known;
-use xavatar::register::job::{Job, Up};
+use xavatar::register::job::{Job, Recordings, Up};
 use xavatar::register::landmarks::LandmarkFiles;
 use xavatar::report::write_registration_page;
 
@@ -51,16 +51,17 @@ pub fn register<'py>(
     let stop = AtomicBool::new(false);
     let mut watch = Watch::new(callback, &stop);
     let registered = py.detach(|| {
-        let mut scans = Scans::open(&scans, &test)?;
+        let scans = Scans::open(&scans, &test)?;
         let gender = gender.or(scans.gender).unwrap_or_default();
-        scans.gender = Some(gender);
         let body = body.read(gender)?;
         let landmarks = landmarks.as_deref().map(LandmarkFiles::read).transpose()?;
         let job = Job {
-            scans: &scans,
+            recordings: Recordings::Scans(&scans),
+            gender,
             body: &body.model,
             labels: &body.labels,
             landmarks: landmarks.as_ref(),
+            starts: None,
             up,
             known: Known { shape, bare: false },
             shape_from: minimal,

@@ -1,11 +1,13 @@
 //! How far registration is from registrations that are known:
-//! `cargo run --release -p xavatar-register --example score -- SUBJECT BODY OUT [--geometry-only | --models PACKAGE]`.
+//! `cargo run --release -p xavatar-register --example score -- SUBJECT BODY OUT [--geometry-only | --models PACKAGE] [--rgbd PICTURES]`.
 //!
 //! The subject's own registrations make landmarks, with 20 mm of noise and every fifth missing, unless a package's networks find them, and
 //! are hidden from the fit, which is
-//! written to OUT, a new folder. Mean distances of vertices in millimetres, a frame a row. Hands that the scan lacks are left out, which
-//! the truth decides. Jitter: the true surface taken back to rest by the fitted bones, its mean distance over frames from its median.
+//! written to OUT, a new folder. PICTURES are the subject's as a depth camera sees it, with the same names of frames (SUBJECT itself, if it
+//! has some). Mean distances of vertices in millimetres, a frame a row. Hands that the scan lacks, or of which the
+//! picture shows less than 30 %, are left out, which the truth decides. Jitter: the true surface taken back to rest by the fitted bones, its mean distance over frames from its median.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -15,11 +17,11 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use xavatar_body::{BodyModel, PartLabels, Pose, PosedBody, Registration, Role};
-use xavatar_data::{FrameFiles, Scans, Split, Subject, read_frame};
+use xavatar_data::{FrameFiles, RgbdCapture, RgbdFiles, RgbdPictures, RgbdSubject, Scans, Split, Subject, read_frame};
 use xavatar_formats::Result;
 use xavatar_landmarks::Models;
 use xavatar_register::fit::{Fitter, Known};
-use xavatar_register::job::{Job, Up, Verdict, find_landmarks};
+use xavatar_register::job::{Job, Recordings, Up, Verdict, find_landmarks};
 use xavatar_register::landmarks::{LandmarkFiles, Site};
 use xavatar_register::linear::FramePose;
 use xavatar_register::surface_model::Density;
@@ -52,7 +54,10 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let truth = truth.settled(&model)?;
     let is_blind = arguments.iter().any(|argument| argument == "--geometry-only");
     let package = arguments.iter().skip_while(|argument| *argument != "--models").nth(1);
+    let pictures = arguments.iter().skip_while(|argument| *argument != "--rgbd").nth(1);
+    let pictures = pictures.map(RgbdPictures::open).transpose()?;
     let scans = Scans::open(subject, &[])?;
+    let recordings = pictures.as_ref().map_or(Recordings::Scans(&scans), Recordings::Rgbd);
     let began = Instant::now();
     let mut phase = "";
     let mut observe = |name: &'static str, _: f64, _: &str| {
@@ -64,16 +69,18 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let run_on = AtomicBool::new(false);
     let landmarks = match package {
         Some(package) => {
-            find_landmarks(&scans, &Models::open(package.as_ref())?, Up::Y, out.as_ref(), &mut observe, &run_on)?
+            find_landmarks(recordings, &Models::open(package.as_ref())?, Up::Y, out.as_ref(), &mut observe, &run_on)?
         }
         None if is_blind => None,
         None => Some(noisy_landmarks(&truth, &model, &labels, Path::new(out))?),
     };
     let job = Job {
-        scans: &scans,
+        recordings,
+        gender: truth.gender,
         body: &model,
         labels: &labels,
         landmarks: landmarks.as_ref(),
+        starts: None,
         up: Up::Y,
         known: Known::default(),
         shape_from: None,
@@ -83,9 +90,12 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     };
     let Some(report) = job.run(&mut observe, &run_on)? else { return Err("stopped".into()) };
     println!("{report}{:.2} s a frame", began.elapsed().as_secs_f64() / report.frames.len() as f64);
-    let found = Subject::open(out)?.settled(&model)?;
+    let found = match recordings {
+        Recordings::Scans(_) => poses(&Subject::open(out)?.settled(&model)?, &model)?,
+        Recordings::Rgbd(_) => poses_in_pictures(&RgbdSubject::open(out)?, &model)?,
+    };
     for split in [Split::Train, Split::Test] {
-        let frames = compared(&truth, &found, split, &model, &labels)?;
+        let frames = compared(&truth, &found, split, recordings, &model, &labels)?;
         if !frames.is_empty() {
             print_errors(&frames, &model, &labels);
             println!("jitter {:.2} mm", jitter(&frames, &model));
@@ -130,36 +140,58 @@ fn noisy_landmarks(truth: &Subject, model: &BodyModel, labels: &PartLabels, out:
 
 fn compared(
     truth: &Subject,
-    found: &Subject,
+    found: &BTreeMap<String, Pose>,
     split: Split,
+    recordings: Recordings<'_>,
     model: &BodyModel,
     labels: &PartLabels,
 ) -> Result<Vec<Compared>> {
-    let pose = |files: &FrameFiles, betas: &[f32]| -> Result<Pose> { model.resolve(&files.read_parameters(betas)?) };
     let mut frames = Vec::new();
     for files in truth.files(split) {
-        let Some(own) = found.files(split).iter().find(|own| own.id == files.id && own.parameters.path().is_some())
-        else {
-            continue;
+        let Some(own) = found.get(&files.id.to_string()) else { continue };
+        let truth_posed = model.pose(&model.resolve(&files.read_parameters(&truth.betas)?)?)?;
+        let (points, share) = match recordings {
+            Recordings::Scans(_) => (ScanTarget::of(&read_frame(files, &truth.betas)?.scan)?, 0.5),
+            Recordings::Rgbd(pictures) => {
+                let Some(seen) = pictures.files(split).iter().find(|seen| seen.id == files.id) else { continue };
+                (ScanTarget::seen(&RgbdCapture::of(seen.read(&[])?)?)?, 0.3)
+            }
         };
-        let own = pose(own, &found.betas)?;
-        let truth_posed = model.pose(&pose(files, &truth.betas)?)?;
-        let scan = ScanTarget::of(&read_frame(files, &truth.betas)?.scan)?;
         frames.push(Compared {
             name: files.id.to_string(),
-            visible: visible(&truth_posed, &scan, model, labels)?,
+            visible: visible(&truth_posed, points.points(), share, model, labels)?,
             truth: truth_posed,
             translation: own.translation,
-            found: model.pose(&own)?,
+            found: model.pose(own)?,
         });
     }
     Ok(frames)
 }
 
-/// By vertex, whether it is of no hand, or of one that the scan shows.
-fn visible(truth: &PosedBody, scan: &ScanTarget, model: &BodyModel, labels: &PartLabels) -> Result<Vec<bool>> {
+/// The poses of a subject's frames by name.
+fn poses(subject: &Subject, model: &BodyModel) -> Result<BTreeMap<String, Pose>> {
+    let files = [Split::Train, Split::Test].into_iter().flat_map(|split| subject.files(split));
+    let is_registered = |files: &&FrameFiles| files.parameters.path().is_some();
+    let pose = |files: &FrameFiles| Ok((files.id.to_string(), model.resolve(&files.read_parameters(&subject.betas)?)?));
+    files.filter(is_registered).map(pose).collect()
+}
+
+/// The same of what a depth camera saw.
+fn poses_in_pictures(subject: &RgbdSubject, model: &BodyModel) -> Result<BTreeMap<String, Pose>> {
+    let pose = |files: &RgbdFiles| Ok((files.id.to_string(), model.resolve(&files.read(&subject.betas)?.parameters)?));
+    subject.train.iter().chain(&subject.test).map(pose).collect()
+}
+
+/// By vertex, whether it is of no hand, or of one of which this share is near points that were seen.
+fn visible(
+    truth: &PosedBody,
+    points: &[DVec3],
+    share: f64,
+    model: &BodyModel,
+    labels: &PartLabels,
+) -> Result<Vec<bool>> {
     const NEAR: f32 = 0.008;
-    let points: Vec<Vec3> = scan.points().iter().map(|point| point.as_vec3()).collect();
+    let points: Vec<Vec3> = points.iter().map(|point| point.as_vec3()).collect();
     let (parts, detail) = (vec![Default::default(); points.len()], vec![false; points.len()]);
     let everywhere = PartLabels { parts, detail, source: labels.source.clone() };
     let nearest = Registration::new(&points, &everywhere)?;
@@ -168,7 +200,7 @@ fn visible(truth: &PosedBody, scan: &ScanTarget, model: &BodyModel, labels: &Par
         let hand = labels.vertices_of(part);
         let mut distances: Vec<f32> = hand.iter().map(|vertex| nearest.nearest(truth.vertices[*vertex]).1).collect();
         distances.sort_by(f32::total_cmp);
-        let is_seen = distances.get(distances.len() / 2).is_some_and(|median| *median < NEAR);
+        let is_seen = distances.get((share * distances.len() as f64) as usize).is_some_and(|near| *near < NEAR);
         hand.into_iter().for_each(|vertex| visible[vertex] = is_seen);
     }
     Ok(visible)

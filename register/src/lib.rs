@@ -17,3 +17,4 @@ pub mod linear;
 pub mod surface_model;
 pub mod target;
 pub mod terms;
+pub mod view;

@@ -1,16 +1,21 @@
 //! A scan as what a body is fitted to: points of its surface with normals, found by place and normal together.
 //!
 //! The nearest of (point, lambda normal) in six dimensions: lambda metres are what turning a normal by a radian counts as, so that the
-//! front of a finger is not matched with its back. Metres.
+//! front of a finger is not matched with its back. Of what one camera saw there is only a part, and the view says what is known of the rest.
+//! Metres.
 
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rand::SeedableRng;
+use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
+use xavatar_data::RgbdCapture;
 use xavatar_formats::{Error, Result};
 use xavatar_mesh::{SurfaceSampler, TriangleMesh};
+
+use crate::view::{Sight, View};
 
 /// Points that stand for a scan's surface.
 const POINTS: usize = 40_000;
@@ -22,6 +27,8 @@ const SEEKERS: usize = 1800;
 pub struct ScanTarget {
     points: Vec<DVec3>,
     normals: Vec<DVec3>,
+    /// What else is known, if the points are what one camera saw.
+    view: Option<Arc<View>>,
 }
 
 /// Points that can be asked for the nearest by place and normal.
@@ -41,7 +48,7 @@ impl ScanTarget {
         smooth.normals = Some(smooth.vertex_normals());
         let sampler = SurfaceSampler::new(&smooth, None)?;
         let mut random = ChaCha8Rng::seed_from_u64(0);
-        let mut target = Self { points: Vec::with_capacity(POINTS), normals: Vec::with_capacity(POINTS) };
+        let mut target = Self { points: Vec::with_capacity(POINTS), normals: Vec::with_capacity(POINTS), view: None };
         for _ in 0..POINTS {
             let place = sampler.sample(&mut random);
             target.points.push(smooth.position_at(&place).as_dvec3());
@@ -50,11 +57,37 @@ impl ScanTarget {
         Ok(target)
     }
 
+    /// Some of the points that one camera saw, in the world of its frame; the same ones every time.
+    ///
+    /// # Errors
+    /// As [`View::of`].
+    pub fn seen(capture: &RgbdCapture) -> Result<Self> {
+        let mut chosen: Vec<usize> = (0..capture.cloud.points.len()).collect();
+        chosen.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
+        chosen.truncate(POINTS);
+        let some = |all: &[Vec3]| chosen.iter().map(|index| all[*index].as_dvec3()).collect();
+        Ok(Self {
+            points: some(&capture.cloud.points),
+            normals: some(&capture.cloud.normals),
+            view: Some(Arc::new(View::of(&capture.frame)?)),
+        })
+    }
+
+    /// What is known of a place with this unit normal besides the points; of scans, everything is seen.
+    pub fn sight(&self, place: DVec3, normal: DVec3) -> Sight {
+        self.view.as_ref().map_or(Sight::Seen(0.0), |view| view.sight(place, normal))
+    }
+
+    /// Whether the points are what one camera saw, and not all of a surface.
+    pub fn is_partial(&self) -> bool {
+        self.view.is_some()
+    }
+
     /// The points within a distance of a place, if there are any.
     pub fn around(&self, middle: DVec3, distance: f64) -> Option<Self> {
         let near = self.points.iter().zip(&self.normals).filter(|(point, _)| point.distance(middle) <= distance);
         let (points, normals): (Vec<DVec3>, Vec<DVec3>) = near.map(|(point, normal)| (*point, *normal)).unzip();
-        (!points.is_empty()).then_some(Self { points, normals })
+        (!points.is_empty()).then(|| Self { points, normals, view: self.view.clone() })
     }
 
     /// The points.
@@ -154,5 +187,14 @@ impl IndexedTarget {
     /// As [`ScanTarget::index`].
     pub fn new(target: &Arc<ScanTarget>, normal_weight: f64) -> Result<Self> {
         Ok(Self { index: target.index(normal_weight)?, target: target.clone() })
+    }
+
+    /// How far a place with this unit normal is from the scan in place and normal, metres; none if it was not seen.
+    pub fn distance(&self, place: DVec3, normal: DVec3) -> Option<f64> {
+        match self.target.sight(place, normal) {
+            Sight::Seen(_) => Some(self.index.nearest(place, normal).1),
+            Sight::Open(way) => Some(way.length()),
+            Sight::Hidden => None,
+        }
     }
 }

@@ -16,7 +16,7 @@ use crate::export::{Rigging, write_glb};
 use crate::mesh::TriangleMesh;
 use crate::mesh::camera::{PinholeCamera, THREE_QUARTER};
 use crate::register::fit::Known;
-use crate::register::job::{Job, REPORT_FILE as REGISTERED_FILE, Up};
+use crate::register::job::{Job, REPORT_FILE as REGISTERED_FILE, Recordings, Up};
 use crate::register::landmarks::LandmarkFiles;
 use crate::render::{View, render_mesh, write_png};
 use crate::report::{
@@ -107,19 +107,20 @@ impl<'a> Stages<'a> {
     }
 
     fn register(&self, stop: &AtomicBool, watcher: &mut dyn Watcher) -> Result<Ended> {
-        let mut scans = Scans::open(&self.plan.data, &[])?;
+        let scans = Scans::open(&self.plan.data, &[])?;
         let gender = scans.gender.unwrap_or(Gender::Neutral);
-        scans.gender = Some(gender);
         let (body, labels) = body_and_labels(&self.plan.body, gender)?;
         let beside = self.plan.data.join(LANDMARKS);
         let named = self.plan.landmarks.clone().or_else(|| beside.is_file().then_some(beside));
         let landmarks = named.as_deref().map(LandmarkFiles::read).transpose()?;
         let out = self.folder.registered();
         let job = Job {
-            scans: &scans,
+            recordings: Recordings::Scans(&scans),
+            gender,
             body: &body,
             labels: &labels,
             landmarks: landmarks.as_ref(),
+            starts: None,
             up: Up::Y,
             known: Known { shape: None, bare: false },
             shape_from: None,

@@ -9,6 +9,7 @@ mod dancing;
 mod figure;
 mod machine;
 mod metrics;
+mod overlay;
 mod page;
 mod part_colours;
 mod picture;
@@ -34,6 +35,7 @@ pub use registration::{REGISTRATION_PAGE, write_registration_page};
 
 use self::chart::{grouped, number};
 use self::metrics::MetricsTable;
+use self::overlay::overlay;
 use self::page::{LivePage, Picture, ReportPage, ViewerPart};
 use self::picture::data_uri;
 use self::scene::ViewerScene;

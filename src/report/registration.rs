@@ -5,10 +5,10 @@ use std::path::Path;
 
 use super::page::{Fact, KeyFigure, Picture, ReportPage};
 use super::picture::data_uri;
-use super::{PICTURE_WIDTH, closeup};
+use super::{PICTURE_WIDTH, closeup, overlay};
 use crate::Result;
 use crate::body::BodyModel;
-use crate::data::{Split, Subject, read_frame};
+use crate::data::{Capture, CaptureKind, CapturedSubject, RgbdSubject};
 use crate::formats::write_atomically;
 use crate::register::job::{FrameReport, RegistrationReport, Verdict};
 
@@ -27,21 +27,22 @@ pub fn write_registration_page(
     body: &BodyModel,
     command: String,
 ) -> Result<()> {
-    let subject = match report.registered() {
-        0 => None,
-        _ => Some(Subject::open(folder)?.settled(body)?),
+    let kind = if RgbdSubject::is_in(folder) { CaptureKind::Rgbd } else { CaptureKind::Scans };
+    let sources = match report.registered() {
+        0 => Vec::new(),
+        _ => CapturedSubject::open(folder, kind)?.both(body)?.into(),
     };
-    let files =
-        subject.iter().flat_map(|subject| [Split::Train, Split::Test].map(|split| (subject, subject.files(split))));
-    let files: Vec<_> = files.flat_map(|(subject, files)| files.iter().map(move |files| (subject, files))).collect();
     let mut pictures = Vec::new();
     for frame in report.frames.iter().filter(|frame| frame.verdict == Verdict::Registered).take(PICTURED) {
-        let Some((subject, files)) = files.iter().find(|(_, files)| files.id.to_string() == frame.frame) else {
-            continue;
+        let found = sources.iter().find_map(|source| Some((source, source.place(&frame.frame)?)));
+        let Some((source, place)) = found else { continue };
+        let capture = source.read(place)?;
+        let mesh = body.mesh(body.pose(&body.resolve(capture.parameters())?)?.vertices);
+        let picture = match &capture {
+            Capture::Scan(frame) => closeup(&frame.scan, &mesh)?,
+            Capture::Rgbd(capture) => overlay(capture, &mesh)?,
         };
-        let read = read_frame(files, &subject.betas)?;
-        let mesh = body.mesh(body.pose(&body.resolve(&read.parameters)?)?.vertices);
-        let picture = data_uri(&closeup(&read.scan, &mesh)?, PICTURE_WIDTH)?;
+        let picture = data_uri(&picture, PICTURE_WIDTH)?;
         let caption = caption(frame);
         pictures.push(Picture {
             name: frame.frame.clone(),
@@ -56,8 +57,11 @@ pub fn write_registration_page(
     let all = all.map(|frame| Fact::new(frame.frame.clone(), caption(frame)));
     let page = ReportPage {
         title: folder.display().to_string(),
-        kicker: "Scans, registered",
-        lead: "The body, without its clothing, on every scan; the worst frames first. Errors include the clothes."
+        kicker: match kind {
+            CaptureKind::Scans => "Scans, registered",
+            CaptureKind::Rgbd => "Pictures, registered",
+        },
+        lead: "The body, without its clothing, in every frame; the worst frames first. Errors include the clothes."
             .into(),
         figures: vec![
             KeyFigure {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{CaptureKind, Source};
+use super::{CaptureKind, Source, Split};
 use crate::{RgbdSubject, Subject};
 use xavatar_body::{BodyModel, Gender};
 use xavatar_formats::Result;
@@ -49,6 +49,20 @@ impl CapturedSubject {
         Ok(match self {
             Self::Scans(subject) => Box::new(subject.settled(body)?.training_frames()),
             Self::Rgbd(subject) => Box::new(subject.training_frames()),
+        })
+    }
+
+    /// The captures for training, and those for tests, registered with `body`.
+    ///
+    /// # Errors
+    /// As [`Subject::settled`].
+    pub fn both(self, body: &BodyModel) -> Result<[Box<dyn Source>; 2]> {
+        Ok(match self {
+            Self::Scans(subject) => {
+                let subject = subject.settled(body)?;
+                [Box::new(subject.training_frames()), Box::new(subject.frames(Split::Test))]
+            }
+            Self::Rgbd(subject) => [Box::new(subject.training_frames()), Box::new(subject.test_frames())],
         })
     }
 }

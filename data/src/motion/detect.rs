@@ -78,6 +78,9 @@ pub(super) fn parse(path: &Path, bytes: &[u8], wanted: &Wanted, choice: &mut Cho
     if let Some(format) = FORMATS.iter().find(|format| (format.recognised)(file.container, arrays).is_ok()) {
         return (format.read)(path, arrays, choice);
     }
+    if arrays.keys().any(|key| MOMENTUM.iter().any(|name| key == name || key.ends_with(&format!(".{name}")))) {
+        return Err(of_another_rig(path));
+    }
     let names: Vec<&str> = arrays.keys().map(String::as_str).take(20).collect();
     let lacks =
         FORMATS.iter().filter_map(|format| Some((format.name, (format.recognised)(file.container, arrays).err()?)));
@@ -89,6 +92,19 @@ pub(super) fn parse(path: &Path, bytes: &[u8], wanted: &Wanted, choice: &mut Cho
 
 fn unrecognised(path: &Path, tried: Vec<String>) -> Error {
     Error::Unrecognised { path: path.into(), what: "motion", tried, remedy: "docs/motion.md has the formats".into() }
+}
+
+/// Arrays of the Momentum Human Rig, as SAM 3D Body's results have them.
+const MOMENTUM: [&str; 2] = ["mhr_model_params", "body_pose_params"];
+
+/// That a file's numbers are not turns of SMPL-X's joints.
+fn of_another_rig(path: &Path) -> Error {
+    Error::Mismatch {
+        path: path.into(),
+        found: "parameters of the Momentum Human Rig, as SAM 3D Body writes them".into(),
+        expected: "turns of SMPL-X's or SMPL's joints".into(),
+        remedy: "make a pose of SMPL-X of them: xavatar body import mhr MODEL --person RESULT.npz --pose POSE.npz --out BODY.npz".into(),
+    }
 }
 
 /// That a file holds one array without a name, which may be anything.

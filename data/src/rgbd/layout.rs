@@ -15,8 +15,11 @@ const FORMAT: &str = "RGB-D layout";
 #[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Layout {
-    pub gender: Gender,
-    pub betas: Shape,
+    /// Needless for pictures that no body is registered to yet, as is the shape.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gender: Option<Gender>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub betas: Option<Shape>,
     pub depth_unit: DepthUnit,
     #[serde(default)]
     pub pixel_origin: PixelOrigin,
@@ -127,7 +130,7 @@ impl Layout {
         if !(unit.is_finite() && unit > 0.0) {
             return Err(malformed(&path, "`depth_unit`".into(), &unit.to_string(), "a positive number of metres"));
         }
-        if let Shape::Numbers(betas) = &layout.betas
+        if let Some(Shape::Numbers(betas)) = &layout.betas
             && !betas.iter().all(|beta| beta.is_finite())
         {
             return Err(malformed(&path, "`betas`".into(), &format!("{betas:?}"), "finite numbers"));

@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 
 use super::RgbdSubject;
 use super::association::{self, Folders, Pictures};
-use super::cameras::{Intrinsics, POSE_EXTENSIONS, rows_at};
+use super::cameras::{CameraTable, Intrinsics, POSE_EXTENSIONS, rows_at};
 use super::layout::{Calibration, Layout, Sequence, Shape};
 use super::numbering::{NumberedFiles, SAME_MOMENT};
 use super::subject::{RegistrationFile, RgbdFiles};
-use crate::Split;
 use crate::xhumans::mean_shape;
-use crate::{FrameId, read_motion};
+use crate::{FrameId, Motion, read_motion};
+use xavatar_body::Gender;
 use xavatar_formats::{Error, Result};
 
 const FORMAT: &str = "RGB-D folder";
@@ -24,43 +24,76 @@ const CAMERA_FILES: [&str; 3] = ["cameras.npz", "cameras.toml", "cameras.json"];
 
 pub(super) fn open(folder: &Path) -> Result<RgbdSubject> {
     let layout = Layout::read(folder)?;
-    let betas = match &layout.betas {
+    let required = |name: &str| {
+        malformed(
+            &folder.join(Layout::FILE),
+            name,
+            "missing",
+            "those of the registered bodies, as registering the pictures writes them (docs/registration.md)",
+        )
+    };
+    let betas = match layout.betas.as_ref().ok_or_else(|| required("`betas`"))? {
         Shape::Numbers(betas) => betas.clone(),
         Shape::File(file) => mean_shape(&folder.join(file))?,
     };
-    let mut subject =
-        RgbdSubject { folder: folder.into(), gender: layout.gender, betas, train: Vec::new(), test: Vec::new() };
+    let gender = layout.gender.ok_or_else(|| required("`gender`"))?;
+    let [train, test] = frames(folder, &layout, |bodies| read_motion(bodies).map(Some))?;
+    Ok(RgbdSubject { folder: folder.into(), gender, betas, train, test })
+}
+
+/// The gender, if it is known, and the frames for training and for tests, before bodies are registered to them.
+pub(super) fn pictures(folder: &Path) -> Result<(Option<Gender>, [Vec<RgbdFiles>; 2])> {
+    let layout = Layout::read(folder)?;
+    Ok((layout.gender, frames(folder, &layout, |_| Ok(None))?))
+}
+
+/// The frames of each split; `read` gives the bodies of a sequence's file.
+fn frames(
+    folder: &Path,
+    layout: &Layout,
+    read: impl Fn(&Path) -> Result<Option<Motion>>,
+) -> Result<[Vec<RgbdFiles>; 2]> {
+    let mut frames = [Vec::new(), Vec::new()];
     for sequence in &layout.sequences {
-        let frames = frames_of_sequence(folder, &layout, sequence)?;
-        match sequence.split {
-            Split::Train => subject.train.extend(frames),
-            Split::Test => subject.test.extend(frames),
-        }
+        let bodies = folder.join(&sequence.folder).join(&sequence.bodies);
+        let motion = read(&bodies)?;
+        frames[sequence.split as usize].extend(frames_of_sequence(folder, layout, sequence, motion.as_ref())?);
     }
-    for frames in [&mut subject.train, &mut subject.test] {
-        frames.sort_by(|one, other| one.id.cmp(&other.id));
+    for frames in &mut frames {
+        frames.sort_by(|one: &RgbdFiles, other| one.id.cmp(&other.id));
         if let Some(pair) = frames.windows(2).find(|pair| pair[0].id == pair[1].id) {
             let path = folder.join(Layout::FILE);
             return Err(malformed(&path, "`name`", format!("{} twice", pair[0].id), "another name for each sequence"));
         }
     }
-    Ok(subject)
+    Ok(frames)
 }
 
-fn frames_of_sequence(subject: &Path, layout: &Layout, sequence: &Sequence) -> Result<Vec<RgbdFiles>> {
+fn frames_of_sequence(
+    subject: &Path,
+    layout: &Layout,
+    sequence: &Sequence,
+    motion: Option<&Motion>,
+) -> Result<Vec<RgbdFiles>> {
     let folder = subject.join(&sequence.folder);
     let pictures = find_pictures(&folder, sequence)?;
-    let bodies = folder.join(&sequence.bodies);
-    let motion = read_motion(&bodies)?;
-    let rows = rows(&pictures, motion.frames.len()).ok_or_else(|| Error::Mismatch {
-        path: bodies,
-        found: format!("{} registered bodies", motion.frames.len()),
-        expected: format!("one for each of the {} frames in {}", pictures.frames.len(), folder.display()),
-        remedy: "register every frame, or remove the pictures of the others".into(),
-    })?;
+    let intrinsics = intrinsics(subject, layout)?;
+    let rows = match motion {
+        Some(motion) => rows(&pictures, motion.frames.len()).ok_or_else(|| Error::Mismatch {
+            path: folder.join(&sequence.bodies),
+            found: format!("{} registered bodies", motion.frames.len()),
+            expected: format!("one for each of the {} frames in {}", pictures.frames.len(), folder.display()),
+            remedy: "register every frame, or remove the pictures of the others".into(),
+        })?,
+        None => {
+            // What is wrong with the file is the frames' error.
+            let table = CameraTable::read(&camera_path(&folder, sequence), layout.pixel_origin, intrinsics);
+            let rows = table.ok().and_then(|table| rows(&pictures, table.poses()));
+            rows.unwrap_or_else(|| (0..pictures.frames.len()).collect())
+        }
+    };
     let cameras = cameras_of(&folder, sequence, &pictures.frames, &rows)?;
     let name = sequence.name.clone().or_else(|| Some(sequence.folder.file_name()?.to_string_lossy().into_owned()));
-    let intrinsics = intrinsics(subject, layout)?;
     let frame = |((pictures, row), (cameras, camera_row)): ((Pictures, usize), (PathBuf, Option<usize>))| RgbdFiles {
         id: FrameId {
             split: sequence.split.name().into(),
@@ -75,7 +108,7 @@ fn frames_of_sequence(subject: &Path, layout: &Layout, sequence: &Sequence) -> R
         camera_row,
         pixel_origin: layout.pixel_origin,
         intrinsics,
-        registration: RegistrationFile::Read(Box::new(motion.frames[row].clone())),
+        registration: motion.map(|motion| RegistrationFile::Read(Box::new(motion.frames[row].clone()))),
     };
     Ok(pictures.frames.into_iter().zip(rows).zip(cameras).map(frame).collect())
 }
@@ -150,13 +183,7 @@ fn cameras_of(
     frames: &[Pictures],
     rows: &[usize],
 ) -> Result<Vec<(PathBuf, Option<usize>)>> {
-    let path = match &sequence.cameras {
-        Some(file) => folder.join(file),
-        None => {
-            let mut candidates = CAMERA_FILES.iter().map(|name| folder.join(name));
-            candidates.find(|file| file.is_file()).unwrap_or_else(|| folder.join(CAMERA_FILES[0]))
-        }
-    };
+    let path = camera_path(folder, sequence);
     if path.is_dir() {
         let has_number = |name: &str| name.contains(|letter: char| letter.is_ascii_digit());
         let files = NumberedFiles::read(&path, &POSE_EXTENSIONS, has_number)?;
@@ -172,6 +199,14 @@ fn cameras_of(
     let at_times = times.map(|times| rows_at(&path, &times, SAME_MOMENT)).transpose()?.flatten();
     let rows = at_times.unwrap_or_else(|| rows.iter().copied().map(Some).collect());
     Ok(rows.into_iter().map(|row| (path.clone(), row)).collect())
+}
+
+fn camera_path(folder: &Path, sequence: &Sequence) -> PathBuf {
+    if let Some(file) = &sequence.cameras {
+        return folder.join(file);
+    }
+    let mut candidates = CAMERA_FILES.iter().map(|name| folder.join(name));
+    candidates.find(|file| file.is_file()).unwrap_or_else(|| folder.join(CAMERA_FILES[0]))
 }
 
 fn intrinsics(subject: &Path, layout: &Layout) -> Result<Option<Intrinsics>> {

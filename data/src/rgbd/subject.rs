@@ -6,6 +6,7 @@ use super::cameras::{CameraTable, Intrinsics, PixelOrigin};
 use super::depth_file::{DepthPicture, read_depth};
 use super::frame::{BACKGROUND, FARTHEST_DEPTH, NO_MEASUREMENT, RgbdFrame};
 use super::layout::Layout;
+use super::pictures::no_frame_in;
 use super::{plain, recordings, xhumans};
 use crate::xhumans::parameters_of;
 use crate::{Capture, CaptureKind, FrameId, RgbdCapture, Source};
@@ -49,7 +50,8 @@ pub struct RgbdFiles {
     pub(super) camera_row: Option<usize>,
     pub(super) pixel_origin: PixelOrigin,
     pub(super) intrinsics: Option<Intrinsics>,
-    pub(super) registration: RegistrationFile,
+    /// None of pictures that no body is registered to.
+    pub(super) registration: Option<RegistrationFile>,
 }
 
 /// Where a frame's parameters are.
@@ -79,13 +81,7 @@ impl RgbdSubject {
         let subject =
             if folder.join(Self::LAYOUT_FILE).is_file() { plain::open(folder) } else { xhumans::open(folder) }?;
         if subject.train.is_empty() && subject.test.is_empty() {
-            return Err(Error::Missing {
-                path: folder.into(),
-                what: "an RGB-D frame".into(),
-                remedy:
-                    "give an X-Humans subject with train/<sequence>/render, or a folder with a rgbd.toml (docs/rgbd.md)"
-                        .into(),
-            });
+            return Err(no_frame_in(folder));
         }
         Ok(subject)
     }
@@ -219,8 +215,9 @@ impl RgbdFiles {
 
     fn parameters(&self) -> Result<smplx::Parameters> {
         match &self.registration {
-            RegistrationFile::Read(parameters) => Ok(smplx::Parameters::clone(parameters)),
-            RegistrationFile::XHumans(path) => {
+            None => Ok(smplx::Parameters::default()),
+            Some(RegistrationFile::Read(parameters)) => Ok(smplx::Parameters::clone(parameters)),
+            Some(RegistrationFile::XHumans(path)) => {
                 must_exist(path, "the frame's registration")?;
                 parameters_of(path, &read_pickle_arrays(path)?)
             }

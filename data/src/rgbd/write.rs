@@ -8,8 +8,10 @@ use super::cameras::PixelOrigin;
 use super::depth_write::{DepthFormat, write_depth};
 use super::layout::{DepthUnit, Layout, Sequence, Shape};
 use super::xhumans::{CAMERAS, COLOUR, DEPTH, picture_name};
-use crate::Split;
+use image::{Rgb, RgbImage};
+
 use crate::xhumans::{create_folder, write_common, write_parameters};
+use crate::{FrameId, Split};
 use crate::{Motion, write_motion};
 use xavatar_body::Gender;
 use xavatar_formats::{Array, ArrayMap, Error, Result, write_atomically, write_npz, write_picture};
@@ -17,6 +19,10 @@ use xavatar_mesh::camera::PinholeCamera;
 
 /// The bodies of a sequence in a plain folder.
 const BODIES: &str = "bodies.npz";
+/// Its folders of pictures.
+const PLAIN_COLOUR: &str = "colour";
+const PLAIN_DEPTH: &str = "depth";
+const PLAIN_MASK: &str = "mask";
 
 /// How a folder of RGB-D frames is laid out (docs/rgbd.md).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,9 +38,10 @@ pub enum RgbdLayout {
 struct Written {
     cameras: Vec<PinholeCamera>,
     motion: Motion,
+    has_masks: bool,
 }
 
-/// Writes a subject's folder: pictures, cameras and registered bodies of each frame.
+/// Writes a subject's folder: pictures, cameras and registered bodies of each frame. X-Humans' layout has no masks.
 ///
 /// Frames are taken one at a time, so that they need not be in memory together; each goes where its id says. Those of one
 /// sequence come in the order of their numbers.
@@ -57,6 +64,7 @@ pub fn write_rgbd_subject(
         let written = sequences.entry((frame.id.split.clone(), frame.id.sequence.clone())).or_default();
         let place = written.cameras.len() as u32 + 1;
         write_frame(folder, layout, &frame, place).map_err(|error| error.in_frame(frame.id.to_string()))?;
+        written.has_masks |= frame.mask.is_some();
         written.cameras.push(frame.camera);
         written.motion.frames.push(frame.parameters.smplx()?.clone());
     }
@@ -72,7 +80,7 @@ pub fn write_rgbd_subject(
     }
     match layout {
         RgbdLayout::XHumans => write_common(folder, gender, betas),
-        RgbdLayout::Plain(format) => write_layout(folder, format, gender, betas, sequences.keys()),
+        RgbdLayout::Plain(format) => write_layout(folder, format, gender, betas, &sequences),
     }
 }
 
@@ -81,7 +89,7 @@ fn write_frame(subject: &Path, layout: RgbdLayout, frame: &RgbdFrame, place: u32
     let sequence = subject.join(&frame.id.split).join(&frame.id.sequence);
     let (colour, depth, number, format) = match layout {
         RgbdLayout::XHumans => (COLOUR, DEPTH, place, DepthFormat::Tiff),
-        RgbdLayout::Plain(format) => ("colour", "depth", frame.id.number, format),
+        RgbdLayout::Plain(format) => (PLAIN_COLOUR, PLAIN_DEPTH, frame.id.number, format),
     };
     let (colour, depth) = (sequence.join(colour), sequence.join(depth));
     create_folder(&colour)?;
@@ -91,8 +99,34 @@ fn write_frame(subject: &Path, layout: RgbdLayout, frame: &RgbdFrame, place: u32
     write_depth(depth.join(picture_name("depth", number, format.extension())), &frame.depth, size, format)?;
     match layout {
         RgbdLayout::XHumans => write_parameters(&sequence, frame.id.number, &frame.parameters),
-        RgbdLayout::Plain(_) => Ok(()),
+        RgbdLayout::Plain(_) => match &frame.mask {
+            Some(mask) => write_mask(&sequence.join(PLAIN_MASK), number, mask, size),
+            None => Ok(()),
+        },
     }
+}
+
+fn write_mask(folder: &Path, number: u32, mask: &[bool], [width, height]: [u32; 2]) -> Result<()> {
+    create_folder(folder)?;
+    let shown = |column: u32, row: u32| {
+        let value = if mask[(row * width + column) as usize] { u8::MAX } else { 0 };
+        Rgb([value; 3])
+    };
+    write_picture(&folder.join(picture_name("mask", number, "png")), &RgbImage::from_fn(width, height, shown))
+}
+
+/// Removes the pictures of a frame from a plain folder that [`write_rgbd_subject`] wrote, if they are there.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn remove_rgbd_frame(folder: &Path, format: DepthFormat, id: &FrameId) -> Result<()> {
+    let sequence = folder.join(&id.split).join(&id.sequence);
+    let pictures =
+        [(PLAIN_COLOUR, "color", "png"), (PLAIN_DEPTH, "depth", format.extension()), (PLAIN_MASK, "mask", "png")];
+    pictures.into_iter().try_for_each(|(inside, kind, extension)| {
+        let path = sequence.join(inside).join(picture_name(kind, id.number, extension));
+        if path.exists() { std::fs::remove_file(&path).map_err(Error::io(&path)) } else { Ok(()) }
+    })
 }
 
 /// The arrays of a camera file; picture coordinates start at the corner.
@@ -111,14 +145,14 @@ fn camera_arrays(cameras: &[PinholeCamera]) -> ArrayMap {
     [("intrinsic".into(), intrinsics), ("extrinsic".into(), Array::from_f32(&[cameras.len(), 4, 4], extrinsics))].into()
 }
 
-fn write_layout<'a>(
+fn write_layout(
     folder: &Path,
     format: DepthFormat,
     gender: Gender,
     betas: &[f32],
-    sequences: impl Iterator<Item = &'a (String, String)>,
+    sequences: &BTreeMap<(String, String), Written>,
 ) -> Result<()> {
-    let sequence = |(split, name): &(String, String)| {
+    let sequence = |((split, name), written): (&(String, String), &Written)| {
         let split = [Split::Train, Split::Test].into_iter().find(|known| known.name() == split).ok_or_else(|| {
             Error::Value { name: "split".into(), found: split.clone(), expected: "train or test".into() }
         })?;
@@ -126,20 +160,20 @@ fn write_layout<'a>(
             split,
             folder: PathBuf::from(split.name()).join(name),
             name: None,
-            colour: "colour".into(),
-            depth: "depth".into(),
-            mask: None,
+            colour: PLAIN_COLOUR.into(),
+            depth: PLAIN_DEPTH.into(),
+            mask: written.has_masks.then(|| PLAIN_MASK.into()),
             cameras: Some("cameras.npz".into()),
             bodies: BODIES.into(),
         })
     };
     let layout = Layout {
-        gender,
-        betas: Shape::Numbers(betas.to_vec()),
+        gender: Some(gender),
+        betas: Some(Shape::Numbers(betas.to_vec())),
         depth_unit: DepthUnit::Metres(format.metres_per_unit()),
         pixel_origin: PixelOrigin::Corner,
         intrinsics: None,
-        sequences: sequences.map(sequence).collect::<Result<_>>()?,
+        sequences: sequences.iter().map(sequence).collect::<Result<_>>()?,
     };
     let path = folder.join(Layout::FILE);
     let text = toml::to_string(&layout).map_err(|error| Error::io(&path)(std::io::Error::other(error)))?;

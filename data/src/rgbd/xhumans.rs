@@ -34,7 +34,13 @@ pub(super) fn has_pictures(folder: &Path) -> bool {
 
 pub(super) fn open(folder: &Path) -> Result<RgbdSubject> {
     let Common { gender, betas } = Common::read(folder)?;
-    let frames = |split: &str| {
+    let [train, test] = frames(folder)?;
+    Ok(RgbdSubject { folder: folder.into(), gender, betas, train, test })
+}
+
+/// The frames for training and for tests.
+pub(super) fn frames(folder: &Path) -> Result<[Vec<RgbdFiles>; 2]> {
+    let of_split = |split: &str| {
         let mut frames = Vec::new();
         for (name, sequence) in sequences_of(folder, split)? {
             if sequence.join(PICTURES).is_dir() {
@@ -43,7 +49,7 @@ pub(super) fn open(folder: &Path) -> Result<RgbdSubject> {
         }
         Ok::<_, xavatar_formats::Error>(frames)
     };
-    Ok(RgbdSubject { folder: folder.into(), gender, betas, train: frames("train")?, test: frames("test")? })
+    Ok([of_split("train")?, of_split("test")?])
 }
 
 fn frames_of_sequence(sequence: &Path, split: &str, name: &str) -> Result<Vec<RgbdFiles>> {
@@ -73,9 +79,9 @@ fn frames_of_sequence(sequence: &Path, split: &str, name: &str) -> Result<Vec<Rg
             camera_row: (picture as usize).checked_sub(1),
             pixel_origin: PixelOrigin::Corner,
             intrinsics: None,
-            registration: RegistrationFile::XHumans(
+            registration: Some(RegistrationFile::XHumans(
                 parameters.get(&number).cloned().unwrap_or_else(|| parameters_path(sequence, number)),
-            ),
+            )),
         }
     };
     Ok(pictures.into_iter().map(frame).collect())

@@ -293,3 +293,20 @@ fn what_cannot_be_told_is_said() {
         found.warnings
     );
 }
+
+// SAM 3D Body's results, a dict a person: the turns of another skeleton under names of their own.
+#[test]
+fn poses_of_the_momentum_human_rig_are_refused_with_the_way_out() {
+    let person = json!({
+        "pred_cam_t": [0.0, 1.0, 2.5],
+        "global_rot": [3.1, 0.0, 0.1],
+        "body_pose_params": vec![0.1; 133],
+        "hand_pose_params": vec![0.0; 108],
+        "shape_params": vec![0.0; 45],
+        "mhr_model_params": vec![0.1; 204],
+    });
+    for file in [person.clone(), json!([person])] {
+        let error = nested(&file).unwrap_err().to_string();
+        assert!(["SAM 3D Body", "xavatar body import mhr"].iter().all(|word| error.contains(word)), "{error}");
+    }
+}

@@ -26,6 +26,8 @@ const ROLLS: [f64; 4] = [0.0, -FRAC_PI_2, FRAC_PI_2, PI];
 const BENDS: [f64; 3] = [0.2, 1.0, 1.9];
 /// Distances beyond count no more: of surfaces and of landmarks, metres.
 const FARTHEST: [f64; 2] = [0.04, 0.08];
+/// What is hidden lies worse than what is on the scan, and better than what is not.
+const UNSEEN: f64 = 0.5 * FARTHEST[0];
 /// What a landmark's distance counts, of a surface's.
 const OF_LANDMARKS: f64 = 0.5;
 /// What a joint counts that is a deviation from its usual turn, metres.
@@ -145,7 +147,7 @@ impl Arm<'_> {
         let posed = surface.posed(linkage, pose, shape);
         let to_scan = |(vertex, normal): (usize, &DVec3)| {
             let outside = posed.points.positions[vertex] + *normal * self.clothing[vertex];
-            scan.index.nearest(outside, *normal).1.min(FARTHEST[0])
+            scan.distance(outside, *normal).map_or(UNSEEN, |distance| distance.min(FARTHEST[0]))
         };
         let is_seen = |(vertex, _): &(usize, &DVec3)| !frame.unseen.contains(&surface.parts[*vertex]);
         let to_scan = mean(posed.normals.iter().enumerate().filter(is_seen).map(to_scan).collect());

@@ -14,6 +14,7 @@ use xavatar_formats::Result;
 use super::sequence::{Frame, Sequence};
 use super::subject::Fitter;
 use crate::target::IndexedTarget;
+use crate::view::Sight;
 
 /// Assumed before anything is known.
 const ASSUMED: f64 = 0.008;
@@ -103,7 +104,11 @@ impl Clothing {
 
     /// How far the scan is off a vertex along its normal; NaN where it does not say.
     fn distance(&self, scan: &IndexedTarget, v: DVec3, n: DVec3, thickness: f64) -> f64 {
-        let (nearest, _) = scan.index.nearest(v + n * thickness, n);
+        let outside = v + n * thickness;
+        if !matches!(scan.target.sight(outside, n), Sight::Seen(_)) {
+            return f64::NAN;
+        }
+        let (nearest, _) = scan.index.nearest(outside, n);
         let way = scan.target.points()[nearest] - v;
         let along = way.dot(n);
         let is_match = (way - n * along).length() <= MISS

@@ -26,6 +26,8 @@ const AROUND: f64 = 0.12;
 const TOO_FAR: f64 = 0.03;
 /// Distances beyond count no more: of surfaces and of landmarks, metres.
 const FARTHEST: [f64; 2] = [0.015, 0.06];
+/// What is hidden lies worse than what is on the scan, and better than what is not.
+const UNSEEN: f64 = 0.5 * FARTHEST[0];
 /// What a landmark's distance counts, of a surface's.
 const OF_LANDMARKS: f64 = 0.5;
 
@@ -107,8 +109,8 @@ impl Hand<'_> {
         }
         let posed = self.fitter.surface.posed(&self.fitter.linkage, &best.1, shape);
         let places = posed.points.positions.iter().zip(&posed.normals);
-        let near = places.filter(|(v, n)| index.index.nearest(**v, **n).1 < TOO_FAR);
-        if near.count() * 2 < self.fitter.surface.len() {
+        let distances: Vec<f64> = places.filter_map(|(v, n)| index.distance(*v, *n)).collect();
+        if distances.iter().filter(|distance| **distance < TOO_FAR).count() * 2 < distances.len().max(1) {
             return Ok(best.1);
         }
         for choice in 0..1_usize << self.fingers.len() {
@@ -189,12 +191,8 @@ impl Hand<'_> {
         let posed = self.fitter.surface.posed(&self.fitter.linkage, pose, shape);
         let own = OrientedIndex::new(&posed.points.positions, &posed.normals, 0.02)?;
         let mean = |sum: f64, count: usize| sum / count.max(1) as f64;
-        let to_scan = posed
-            .points
-            .positions
-            .iter()
-            .zip(&posed.normals)
-            .map(|(v, n)| scan.index.nearest(*v, *n).1.min(FARTHEST[0]));
+        let places = posed.points.positions.iter().zip(&posed.normals);
+        let to_scan = places.map(|(v, n)| scan.distance(*v, *n).map_or(UNSEEN, |distance| distance.min(FARTHEST[0])));
         let to_scan = mean(to_scan.sum(), self.fitter.surface.len());
         let points = frame.scan.points().iter().zip(frame.scan.normals());
         let to_hand =

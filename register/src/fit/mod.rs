@@ -17,6 +17,6 @@ pub use multistart::{GOOD, Guess};
 pub use quality::{FrameQuality, PartQuality};
 pub use schedule::{Freed, Limbs, Stage};
 pub use sequence::{Frame, Sequence};
-pub use start::from_landmarks;
+pub use start::{from_landmarks, onto_landmarks};
 pub use subject::{Fitter, Known, Shaped, Start};
 pub use verdict::{doubtful, turned_hands};

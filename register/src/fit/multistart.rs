@@ -1,14 +1,14 @@
 //! A first guess from a scan's shape alone: the body in several poses, turned all ways, fitted coarsely; the one that lies best wins.
 //!
 //! The score is the mean distance between body and scan both ways, in place and normal, cut at 15 cm. It tells right from wrong:
-//! [`GOOD`] lies between the two. Standing people are found; who bends far or twists is not, and the score says so.
+//! [`GOOD`] lies between the two. Standing people are found, and what is like a pose that is given; who bends far or twists is not, and the score says so.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use xavatar_formats::Result;
 
 use super::clothing::Clothing;
-use super::schedule::COARSE;
+use super::schedule::{COARSE, FROM_LANDMARKS};
 use super::sequence::{Frame, Sequence};
 use super::subject::Fitter;
 use crate::linear::{FramePose, so3};
@@ -54,11 +54,11 @@ impl Guess {
 }
 
 impl Fitter<'_> {
-    /// The best guess for a scan, by a fitter of coarse density.
+    /// The best guess for a scan, by a fitter of coarse density. A pose that is given is tried among the others, turned all ways.
     ///
     /// # Errors
     /// [`Error::Value`](xavatar_formats::Error::Value) if a body stops being a number.
-    pub fn guess(&self, frame: &Frame) -> Result<Option<Guess>> {
+    pub fn guess(&self, frame: &Frame, given: Option<&FramePose>) -> Result<Option<Guess>> {
         let clothing = Clothing::assumed(self, false).thickness;
         let scan = IndexedTarget::new(&frame.scan, SCORE[0])?;
         let shape = vec![0.0; self.linkage.extents().shapes];
@@ -74,6 +74,10 @@ impl Fitter<'_> {
             sort(&mut guesses);
             guesses.truncate(KEPT[0]);
             first.extend(guesses);
+            if let Some(given) = given {
+                let turned = FramePose { rotations: turned(given, yaw), ..given.clone() };
+                first.push(scored(self.grounded(turned, frame), shape.clone())?);
+            }
         }
         let fitted = |guess: Guess, steps: [usize; 2]| {
             let mut sequence = Sequence { poses: vec![guess.pose], shape: guess.shape };
@@ -93,18 +97,39 @@ impl Fitter<'_> {
         Ok(guesses.into_iter().next())
     }
 
+    /// Which of some poses, fitted to the landmarks, lies best on the scan; by a fitter of coarse density.
+    ///
+    /// # Errors
+    /// As [`guess`](Self::guess).
+    pub fn best_of(&self, poses: Vec<FramePose>, frame: &Frame) -> Result<Option<Guess>> {
+        let clothing = Clothing::assumed(self, false).thickness;
+        let scan = IndexedTarget::new(&frame.scan, SCORE[0])?;
+        let shape = vec![0.0; self.linkage.extents().shapes];
+        let scored = |pose: FramePose| {
+            let mut sequence = Sequence { poses: vec![pose], shape: shape.clone() };
+            for stage in FROM_LANDMARKS {
+                sequence.run(self, &stage, std::slice::from_ref(frame), &clothing)?;
+            }
+            let pose = sequence.poses.remove(0);
+            Ok(Guess { score: self.score(&pose, &sequence.shape, &scan, &clothing)?, pose, shape: sequence.shape })
+        };
+        let mut guesses: Vec<Guess> = poses.into_iter().map(scored).collect::<Result<_>>()?;
+        sort(&mut guesses);
+        Ok(guesses.into_iter().next())
+    }
+
     /// How far body and scan are apart.
     fn score(&self, pose: &FramePose, shape: &[f64], scan: &IndexedTarget, clothing: &[f64]) -> Result<f64> {
         let posed = self.surface.posed(&self.linkage, pose, shape);
         let outside = |vertex: usize| posed.points.positions[vertex] + posed.normals[vertex] * clothing[vertex];
         let body: Vec<DVec3> = (0..self.surface.len()).map(outside).collect();
         let own = OrientedIndex::new(&body, &posed.normals, SCORE[0])?;
-        let to_scan: f64 =
-            body.iter().zip(&posed.normals).map(|(v, n)| scan.index.nearest(*v, *n).1.min(SCORE[1])).sum();
+        let to_scan: Vec<f64> = body.iter().zip(&posed.normals).filter_map(|(v, n)| scan.distance(*v, *n)).collect();
+        let to_scan = to_scan.iter().map(|distance| distance.min(SCORE[1])).sum::<f64>() / to_scan.len().max(1) as f64;
         let seekers = scan.target.seekers(Seekers::Few);
         let count = seekers.len() as f64;
         let to_body: f64 = seekers.map(|(point, normal)| own.nearest(point, normal).1.min(SCORE[1])).sum();
-        Ok(to_scan / body.len() as f64 + to_body / count)
+        Ok(to_scan + to_body / count)
     }
 
     /// Standing on the ground below the scan's middle.
@@ -121,11 +146,22 @@ impl Fitter<'_> {
         let turns = arms.into_iter().filter_map(|(joint, turn)| Some((joint?, turn)));
         let mut pose = FramePose::turned(self.linkage.extents(), self.prior.means().chain(turns));
         pose.rotations[0] = so3::exp(DVec3::Y * yaw);
+        self.grounded(pose, frame)
+    }
+
+    /// The pose moved onto the ground below the scan's middle.
+    fn grounded(&self, mut pose: FramePose, frame: &Frame) -> FramePose {
         let shape = vec![0.0; self.linkage.extents().shapes];
         let body = self.surface.posed(&self.linkage, &pose, &shape).points.positions;
         pose.translation = ground(frame.scan.points()) - ground(&body);
         pose
     }
+}
+
+/// The rotations of a pose that is turned about the vertical as a whole.
+fn turned(pose: &FramePose, yaw: f64) -> Vec<DMat3> {
+    let root = so3::exp(DVec3::Y * yaw) * pose.rotations[0];
+    [root].into_iter().chain(pose.rotations.iter().copied().skip(1)).collect()
 }
 
 /// The median of points over the ground, at the height of the lowest.

@@ -1,6 +1,6 @@
 //! How well one frame's body lies on its scan, by what can be measured without knowing the truth.
 //!
-//! Of each part: the distance between the outside of its clothing and the scan, and the share of it that is far. Of each hand: how far its
+//! Of each part that was seen: the distance between the outside of its clothing and the scan, and the share of it that is far. Of each hand: how far its
 //! joints are from their landmarks. Of the scan: the share of its points that are far from the body. Metres in, millimetres out.
 
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use xavatar_body::{PartGroup, Role};
+use xavatar_body::{Part, PartGroup, Role};
 use xavatar_formats::{Error, Result};
 
 use super::hands::fingers;
@@ -16,11 +16,14 @@ use super::sequence::{Frame, Sequence};
 use super::subject::Fitter;
 use crate::landmarks::{Seen, Site};
 use crate::linear::PosedChain;
+use crate::view::Sight;
 
 /// A vertex is far from the scan beyond this.
 const FAR: f64 = 0.015;
 /// A scan's point is far from the body beyond this.
 const UNCOVERED: f64 = 0.025;
+/// A part says nothing of which a camera sees a smaller share.
+const SEEN: f64 = 0.2;
 
 /// One part in one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,7 +37,7 @@ pub struct PartQuality {
 /// One frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameQuality {
-    /// By the parts' names.
+    /// By the names of the parts that were seen.
     pub parts: BTreeMap<String, PartQuality>,
     /// Mean distance of the finger joints of each hand from their landmarks, millimetres; of hands that have some.
     #[serde(default)]
@@ -75,10 +78,16 @@ impl Fitter<'_> {
             f64::from(tree.query(point).nearest_one::<SquaredEuclidean<f32>>().execute().distance).sqrt()
         };
         let mut by_part: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-        for (place, part) in body.iter().zip(&self.surface.parts) {
-            let name = self.model.skeleton().parts[part.index()].name.as_str();
-            by_part.entry(name).or_default().push(distance(&of_scan, place));
+        for (vertex, part) in self.surface.parts.iter().enumerate() {
+            let distance = match frame.scan.sight(outside(vertex), posed.normals[vertex]) {
+                Sight::Seen(behind) if behind < FAR => distance(&of_scan, &body[vertex]),
+                Sight::Open(way) => way.length(),
+                Sight::Seen(_) | Sight::Hidden => continue,
+            };
+            by_part.entry(self.part_name(*part)).or_default().push(distance);
         }
+        let vertices = |name: &str| self.surface.parts.iter().filter(|part| self.part_name(**part) == name).count();
+        by_part.retain(|name, seen| seen.len() as f64 >= SEEN * vertices(name) as f64);
         // Vertices stand for their surroundings: a point between them is as far from the surface as it is from their plane, or less.
         let spacing = 0.5 * self.spacing();
         let uncovered = frame.scan.points().iter().zip(&scan).step_by(20);
@@ -97,6 +106,10 @@ impl Fitter<'_> {
             beyond_limits: self.prior.beyond_limits(pose).len(),
             slipped: Vec::new(),
         })
+    }
+
+    fn part_name(&self, part: Part) -> &str {
+        &self.model.skeleton().parts[part.index()].name
     }
 
     /// How far the fingers of each hand are from their landmarks.

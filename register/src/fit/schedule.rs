@@ -186,5 +186,8 @@ pub const DRESSED: Stage = Stage {
     ..BASIS
 };
 
+/// The same of what one camera saw: the rest hangs on its landmarks to the end.
+pub const DRESSED_IN_PART: Stage = Stage { landmarks: landmarks(0.03, 0.08, true), ..DRESSED };
+
 /// Rounds of learning clothing and fitting with it.
 pub const ROUNDS: usize = 6;

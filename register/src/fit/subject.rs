@@ -5,7 +5,7 @@ use xavatar_body::{BodyModel, PartLabels};
 use xavatar_formats::Result;
 
 use super::clothing::Clothing;
-use super::schedule::{COARSE, DRESSED, FROM_LANDMARKS, Freed, Limbs, ROUNDS, STAGES, Stage};
+use super::schedule::{COARSE, DRESSED, DRESSED_IN_PART, FROM_LANDMARKS, Freed, Limbs, ROUNDS, STAGES, Stage};
 use super::sequence::{Frame, Sequence};
 use crate::landmarks::Sites;
 use crate::linear::{Besides, FramePose, Linkage, Unknowns};
@@ -132,7 +132,7 @@ impl<'a> Fitter<'a> {
             sequence.run(self, stage, frames, &clothing.thickness)?;
             self.settle(stage.settled, &mut sequence, frames, &clothing.thickness)?;
         }
-        let dressed = shape_freed(DRESSED, known.shape.is_none());
+        let dressed = shape_freed(dressed(frames), known.shape.is_none());
         for round in 0..ROUNDS {
             done(dressed.name, (stages.len() + round) as f64 / total);
             clothing.learn(self, &sequence, frames)?;
@@ -153,7 +153,8 @@ impl<'a> Fitter<'a> {
         let mut sequence = Sequence { poses: vec![pose], shape: shaped.shape.clone() };
         let frames = std::slice::from_ref(frame);
         let mut stages: Vec<Stage> = first.iter().chain(&STAGES).map(|stage| shape_freed(*stage, false)).collect();
-        stages.push(shape_freed(Stage { steps: 4 * DRESSED.steps, ..DRESSED }, false));
+        let dressed = dressed(frames);
+        stages.push(shape_freed(Stage { steps: 4 * dressed.steps, ..dressed }, false));
         for stage in &stages {
             sequence.run(self, stage, frames, &shaped.clothing.thickness)?;
             self.settle(stage.settled, &mut sequence, frames, &shaped.clothing.thickness)?;
@@ -167,8 +168,8 @@ impl<'a> Fitter<'a> {
     /// As [`fit`](Self::fit).
     pub fn fit_between(&self, pose: FramePose, frame: &Frame, shaped: &Shaped) -> Result<FramePose> {
         let mut sequence = Sequence { poses: vec![pose], shape: shaped.shape.clone() };
-        let stage = shape_freed(DRESSED, false);
-        sequence.run(self, &stage, std::slice::from_ref(frame), &shaped.clothing.thickness)?;
+        let frames = std::slice::from_ref(frame);
+        sequence.run(self, &shape_freed(dressed(frames), false), frames, &shaped.clothing.thickness)?;
         Ok(sequence.poses.remove(0))
     }
 
@@ -199,6 +200,11 @@ impl<'a> Fitter<'a> {
         let first: &[Stage] = if has_landmarks { &FROM_LANDMARKS } else { &COARSE };
         first.iter().chain(&STAGES).map(|stage| shape_freed(*stage, shape)).collect()
     }
+}
+
+/// The last stage.
+fn dressed(frames: &[Frame]) -> Stage {
+    if frames.iter().any(|frame| frame.scan.is_partial()) { DRESSED_IN_PART } else { DRESSED }
 }
 
 /// The stage, with the shape held fixed unless it may be solved for.

@@ -18,10 +18,10 @@ const HAND_FAR: f64 = 0.22;
 const TURNED: (f64, f64) = (25.0, 2.0);
 
 impl FrameQuality {
-    /// The names of the hands that the scan does not show: those that are far from it, and those that no landmark is of.
+    /// The names of the hands that the scan does not show: those that are far from it or were not seen, and those that no landmark is of.
     pub fn missing_hands(&self, skeleton: &Skeleton, without_landmarks: &[String]) -> Vec<String> {
         let hands = skeleton.parts_of(Role::Hands).map(|part| &skeleton.parts[part.index()].name);
-        let is_far = |name: &String| self.parts.get(name).is_some_and(|part| part.far > HAND_FAR);
+        let is_far = |name: &String| self.parts.get(name).is_none_or(|part| part.far > HAND_FAR);
         hands.filter(|name| is_far(name) || without_landmarks.contains(name)).cloned().collect()
     }
 

@@ -6,11 +6,11 @@ use xavatar_data::FrameFiles;
 use xavatar_formats::{Error, Result};
 use xavatar_mesh::TriangleMesh;
 
-/// The tallest side of a person's scan, metres.
-const SIZES: std::ops::RangeInclusive<f64> = 0.4..=2.6;
+/// The largest side of a person, metres.
+pub(super) const SIZES: std::ops::RangeInclusive<f64> = 0.4..=2.6;
 
-/// Scans that are looked at for the unit.
-const MEASURED: usize = 5;
+/// Frames that are looked at for the unit.
+pub(super) const MEASURED: usize = 5;
 
 /// The axis of the files that points up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -93,7 +93,8 @@ impl FileCoordinates {
         }
     }
 
-    fn turn(self) -> DMat3 {
+    /// From the axes of the files to those with Y up.
+    pub(super) fn turn(self) -> DMat3 {
         match self.up {
             Up::Y => DMat3::IDENTITY,
             Up::MinusY => DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)),

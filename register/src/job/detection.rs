@@ -1,4 +1,4 @@
-//! Landmarks of every scan, found in pictures of it, a record a frame, so that a run that was stopped goes on.
+//! Landmarks of every frame, found in pictures of its scan or in its own, a record a frame, so that a run that was stopped goes on.
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -7,26 +7,27 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use xavatar_data::{FrameFiles, Scans, Split};
+use xavatar_data::FrameId;
 use xavatar_formats::{Error, FolderLock, Result, create_folder, read_bytes, write_atomically};
-use xavatar_landmarks::{Landmark, Models, find};
+use xavatar_landmarks::{Landmark, Models, Photograph, find};
 
 use super::coordinates::{FileCoordinates, Up};
-use super::{Observer, RECORDS};
+use super::recorded::{Recording, picture, scan};
+use super::{Observer, RECORDS, Recordings};
 use crate::landmarks::{LandmarkFiles, Track, TrackFrame};
 
-/// The landmarks of one scan, in its file's coordinates.
+/// The landmarks of one frame, in its files' coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Detected {
     landmarks: Vec<(String, [f64; 3], f64)>,
 }
 
-/// Finds the landmarks of all scans, keeping records in `out`; none if it was stopped, and the same call goes on.
+/// Finds the landmarks of all frames, keeping records in `out`; none if it was stopped, and the same call goes on.
 ///
 /// # Errors
-/// [`Error::Unfit`] if the scans are of no person's size; [`Error::Frame`] for a scan that cannot be read; [`Error::Io`].
+/// [`Error::Unfit`] if the frames are of no person's size; [`Error::Frame`] for one that cannot be read; [`Error::Io`].
 pub fn find_landmarks(
-    scans: &Scans,
+    recordings: Recordings<'_>,
     models: &Models,
     up: Up,
     out: &Path,
@@ -34,9 +35,8 @@ pub fn find_landmarks(
     stop: &AtomicBool,
 ) -> Result<Option<LandmarkFiles>> {
     let _lock = FolderLock::take(out)?;
-    let files: Vec<&FrameFiles> =
-        [Split::Train, Split::Test].into_iter().flat_map(|split| scans.files(split)).collect();
-    let coordinates = FileCoordinates::of_scans(&files, up)?;
+    let files = recordings.frames();
+    let coordinates = recordings.coordinates(up)?;
     let folder = out.join(RECORDS).join("landmarks");
     create_folder(&folder)?;
     let mut found = Vec::new();
@@ -44,43 +44,49 @@ pub fn find_landmarks(
         if stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
-        observe("landmarks", done as f64 / files.len() as f64, &one.id.to_string());
-        let path = folder.join(format!("{}-{}-f{:05}.json", one.id.split, one.id.sequence, one.id.number));
+        let id = one.id();
+        observe("landmarks", done as f64 / files.len() as f64, &id.to_string());
+        let path = folder.join(format!("{}-{}-f{:05}.json", id.split, id.sequence, id.number));
         if !path.is_file() {
-            let detected = detected(one, models, coordinates).map_err(|error| error.in_frame(one.id.to_string()))?;
+            let detected = detected(*one, models, coordinates).map_err(|error| error.in_frame(id.to_string()))?;
             write_json(&path, &detected)?;
         }
         found.push(read(&path)?);
     }
     let names: BTreeSet<&String> =
         found.iter().flat_map(|frame| frame.landmarks.iter().map(|(name, ..)| name)).collect();
-    let of_frame = |(files, frame): (&&FrameFiles, &Detected)| {
+    let of_frame = |(id, frame): (&FrameId, &Detected)| {
         let point = |name: &&String| {
             let point = frame.landmarks.iter().find(|(own, ..)| own == *name);
             point.map(|(_, place, confidence)| (DVec3::from(*place), *confidence))
         };
-        TrackFrame { name: files.id.to_string(), points: names.iter().map(point).collect() }
+        TrackFrame { name: id.to_string(), points: names.iter().map(point).collect() }
     };
-    let frames = files.iter().zip(&found).map(of_frame).collect();
+    let frames = files.iter().map(Recording::id).zip(&found).map(of_frame).collect();
     Ok(Some(LandmarkFiles::of(Track { names: names.iter().map(|name| (*name).clone()).collect(), frames })))
 }
 
-fn detected(files: &FrameFiles, models: &Models, coordinates: FileCoordinates) -> Result<Detected> {
-    let mut scan = files.read_scan()?.mesh;
-    coordinates.apply(&mut scan);
-    let landmarks = find(models, &scan)?.into_iter();
+fn detected(recording: Recording<'_>, models: &Models, coordinates: FileCoordinates) -> Result<Detected> {
+    let landmarks = match recording {
+        Recording::Scan(files) => find(models, &scan(files, coordinates)?)?,
+        Recording::Rgbd(files) => {
+            let frame = picture(files, coordinates)?;
+            let depth: Vec<Option<f32>> = (0..frame.depth.len()).map(|pixel| frame.surface_depth(pixel)).collect();
+            Photograph { colour: &frame.colour, depth: &depth, camera: &frame.camera }.landmarks(models)
+        }
+    };
     let in_file =
         |landmark: Landmark| (landmark.name, coordinates.place_in_file(landmark.place).to_array(), landmark.confidence);
-    Ok(Detected { landmarks: landmarks.map(in_file).collect() })
+    Ok(Detected { landmarks: landmarks.into_iter().map(in_file).collect() })
 }
 
 fn read(path: &Path) -> Result<Detected> {
     serde_json::from_slice(&read_bytes(path)?).map_err(|error| Error::Malformed {
         path: path.into(),
-        format: "record of a scan's landmarks",
+        format: "record of a frame's landmarks",
         place: "the text".into(),
         found: error.to_string(),
-        expected: "what registration writes; remove the file to look at the scan again".into(),
+        expected: "what registration writes; remove the file to look at the frame again".into(),
     })
 }
 

@@ -9,6 +9,7 @@ use xavatar_formats::{Error, Result, create_folder};
 use xavatar_mesh::write_ply;
 
 use super::record::Record;
+use super::recorded::{Recording, scan};
 use super::report::{FrameReport, Verdict};
 use super::{Observer, Working};
 use crate::fit::Shaped;
@@ -33,7 +34,7 @@ impl Working<'_> {
             if stop.load(Ordering::Relaxed) {
                 return Ok(false);
             }
-            observe("offsets", first as f64 / records.len() as f64, &self.files[first].id.to_string());
+            observe("offsets", first as f64 / records.len() as f64, &self.files[first].id().to_string());
             (first..records.len().min(first + batch)).into_par_iter().try_for_each(|index| -> Result<()> {
                 let path = self.free_form_path(index);
                 let report = &reports[index];
@@ -43,11 +44,12 @@ impl Working<'_> {
                 if path.is_file() {
                     return Ok(());
                 }
+                let Recording::Scan(files) = self.files[index] else { return Ok(()) };
                 let pose = self.pose_of(index, record, &report.missing_hands).pose(&shaped.shape);
                 let body = self.job.body.mesh(self.job.body.pose(&pose)?.vertices);
-                let mesh = free_form(&body, &freedoms, &self.scan(index)?);
+                let mesh = free_form(&body, &freedoms, &scan(files, self.coordinates)?);
                 path.parent().map_or(Ok(()), create_folder)?;
-                write_ply(&path, &mesh.map_err(|error| error.in_frame(self.files[index].id.to_string()))?)
+                write_ply(&path, &mesh.map_err(|error| error.in_frame(files.id.to_string()))?)
             })?;
         }
         Ok(true)
@@ -55,7 +57,7 @@ impl Working<'_> {
 
     /// Where a frame's mesh is written.
     fn free_form_path(&self, index: usize) -> PathBuf {
-        let id = &self.files[index].id;
+        let id = self.files[index].id();
         let folder = self.job.out.join(OFFSETS_FOLDER).join(&id.split).join(&id.sequence);
         folder.join(format!("f{:05}.ply", id.number))
     }

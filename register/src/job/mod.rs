@@ -8,10 +8,12 @@ mod detection;
 mod free;
 mod motion;
 mod record;
+mod recorded;
 mod report;
 mod scored;
 mod shared;
 mod smooth;
+mod starts;
 mod write;
 
 use std::path::PathBuf;
@@ -19,24 +21,27 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
-use xavatar_body::{BodyModel, BodyParameters, PartLabels, smplx};
-use xavatar_data::{FrameFiles, LimbCheck, ScanFrame, Scans, Split};
+use xavatar_body::{BodyModel, BodyParameters, Gender, PartLabels, smplx};
+use xavatar_data::{FrameId, LimbCheck, ScanFrame, Split};
 use xavatar_formats::{Error, FolderLock, Result};
-use xavatar_mesh::TriangleMesh;
 
 pub use coordinates::{FileCoordinates, Up};
 pub use detection::find_landmarks;
 pub use free::OFFSETS_FOLDER;
+pub use recorded::Recordings;
 pub use report::{FrameReport, REPORT_FILE, RegistrationReport, Verdict};
 pub use scored::score_registration;
 pub use shared::CLOTHING_FILE;
+pub use starts::StartPoses;
 
 use self::record::{Circumstances, Record};
-use crate::fit::{Fitter, Frame, FrameQuality, Known, Sequence, Shaped, Start, doubtful, from_landmarks};
+use self::recorded::{Recording, scan};
+use crate::fit::{
+    Fitter, Frame, FrameQuality, Known, Sequence, Shaped, Start, doubtful, from_landmarks, onto_landmarks,
+};
 use crate::landmarks::{LandmarkFiles, Seen, believed};
 use crate::linear::FramePose;
 use crate::surface_model::Density;
-use crate::target::ScanTarget;
 
 /// Frames that shape and clothing are found from, spread over all for training.
 const KEY_FRAMES: usize = 40;
@@ -47,14 +52,18 @@ const NEIGHBOURS: usize = 2;
 
 /// What a subject is registered with.
 pub struct Job<'a> {
-    /// The scans.
-    pub scans: &'a Scans,
+    /// The frames.
+    pub recordings: Recordings<'a>,
+    /// Which body model fits the person.
+    pub gender: Gender,
     /// The body.
     pub body: &'a BodyModel,
     /// The part of each of its vertices.
     pub labels: &'a PartLabels,
     /// Landmarks; without, poses are guessed from the scans' shapes.
     pub landmarks: Option<&'a LandmarkFiles>,
+    /// Poses that other programs found, to start from where they lie better than what is found here.
+    pub starts: Option<&'a StartPoses>,
     /// The axis of the files that points up.
     pub up: Up,
     /// What is known of the subject.
@@ -117,7 +126,7 @@ struct Working<'a> {
     coarse: Fitter<'a>,
     limbs: LimbCheck<'a>,
     coordinates: FileCoordinates,
-    files: Vec<&'a FrameFiles>,
+    files: Vec<Recording<'a>>,
     /// Of each frame: its place in its sequence, and how many that has.
     places: Vec<(usize, usize)>,
     /// Of each frame: the hands that no landmark is of, if landmarks are of hands.
@@ -128,22 +137,20 @@ struct Working<'a> {
 impl<'a> Working<'a> {
     fn new(job: &'a Job<'a>) -> Result<Self> {
         job.body.skeleton().require(smplx::skeleton(), "the body that scans are registered with")?;
-        let files: Vec<&FrameFiles> =
-            [Split::Train, Split::Test].into_iter().flat_map(|split| job.scans.files(split)).collect();
-        let of_sequence = |one: &FrameFiles, other: &FrameFiles| {
-            (&one.id.split, &one.id.sequence) == (&other.id.split, &other.id.sequence)
-        };
-        if let Some(name) = job.shape_from.as_ref().filter(|name| files.iter().all(|one| one.id.sequence != **name)) {
-            let mut known: Vec<&str> = files.iter().map(|one| one.id.sequence.as_str()).collect();
+        let files = job.recordings.frames();
+        let of_sequence =
+            |one: &FrameId, other: &FrameId| (&one.split, &one.sequence) == (&other.split, &other.sequence);
+        if let Some(name) = job.shape_from.as_ref().filter(|name| files.iter().all(|one| one.id().sequence != **name)) {
+            let mut known: Vec<&str> = files.iter().map(|one| one.id().sequence.as_str()).collect();
             known.dedup();
             return Err(Error::Missing {
-                path: job.scans.folder.clone(),
+                path: job.recordings.folder().into(),
                 what: format!("the sequence {name}"),
                 remedy: format!("name one of {}", known.join(", ")).into(),
             });
         }
         let place = |index: usize| {
-            let others = files.iter().enumerate().filter(|(_, other)| of_sequence(files[index], other));
+            let others = files.iter().enumerate().filter(|(_, other)| of_sequence(files[index].id(), other.id()));
             let all: Vec<usize> = others.map(|(other, _)| other).collect();
             (all.iter().filter(|other| **other < index).count(), all.len())
         };
@@ -151,7 +158,7 @@ impl<'a> Working<'a> {
             fitter: Fitter::new(job.body, job.labels, Density::FINE),
             coarse: Fitter::new(job.body, job.labels, Density::COARSE),
             limbs: LimbCheck::new(job.body),
-            coordinates: FileCoordinates::of_scans(&files, job.up)?,
+            coordinates: job.recordings.coordinates(job.up)?,
             places: (0..files.len()).map(place).collect(),
             unseen: Vec::new(),
             kept: job.out.join(RECORDS),
@@ -180,10 +187,18 @@ impl<'a> Working<'a> {
     fn prepared(&self, index: usize) -> Result<Prepared> {
         let (frame, dropped) = self.frame(index)?;
         let Fitter { linkage, sites, prior, .. } = &self.fitter;
-        let start = match self.job.landmarks {
-            Some(_) => from_landmarks(linkage, sites, prior, &frame.landmarks).map(Start::FromLandmarks),
-            None => {
-                self.coarse.guess(&frame)?.filter(|guess| guess.is_good()).map(|guess| Start::FromElsewhere(guess.pose))
+        let given = self.job.starts.and_then(|starts| starts.of(self.files[index].id(), self.places[index].0));
+        let start = match (self.job.landmarks, given) {
+            (Some(_), None) => from_landmarks(linkage, sites, prior, &frame.landmarks).map(Start::FromLandmarks),
+            (Some(_), Some(given)) => {
+                let own = from_landmarks(linkage, sites, prior, &frame.landmarks);
+                let given = onto_landmarks(linkage, sites, given, &frame.landmarks);
+                let best = self.coarse.best_of(own.into_iter().chain(given).collect(), &frame)?;
+                best.map(|best| Start::FromLandmarks(best.pose))
+            }
+            (None, given) => {
+                let guess = self.coarse.guess(&frame, given)?.filter(|guess| guess.is_good());
+                guess.map(|guess| Start::FromElsewhere(guess.pose))
             }
         };
         Ok(Prepared { frame, start, dropped })
@@ -191,25 +206,17 @@ impl<'a> Working<'a> {
 
     /// A frame's scan and the landmarks that are believed, and the names of those that are not.
     fn frame(&self, index: usize) -> Result<(Frame, Vec<String>)> {
-        let target =
-            ScanTarget::of(&self.scan(index)?).map_err(|error| error.in_frame(self.files[index].id.to_string()))?;
+        let target = self.files[index].target(self.coordinates)?;
         let (landmarks, dropped) = self.landmarks(index)?;
         let skeleton = self.job.body.skeleton();
         let unseen = self.unseen[index].iter().filter_map(|hand| skeleton.part_named(hand)).collect();
         Ok((Frame { scan: Arc::new(target), landmarks, motion: None, unseen }, dropped))
     }
 
-    /// A frame's scan, metres, Y up.
-    fn scan(&self, index: usize) -> Result<TriangleMesh> {
-        let mut scan = self.files[index].read_scan()?.mesh;
-        self.coordinates.apply(&mut scan);
-        Ok(scan)
-    }
-
     fn landmarks(&self, index: usize) -> Result<(Vec<Seen>, Vec<String>)> {
         let Some(files) = self.job.landmarks else { return Ok((Vec::new(), Vec::new())) };
         let (place, count) = self.places[index];
-        let found = files.of_frame(&self.files[index].id, place, count)?;
+        let found = files.of_frame(self.files[index].id(), place, count)?;
         let seen = found.into_iter().filter_map(|(name, place, confidence)| {
             Some(Seen { site: self.fitter.sites.named(&name)?, place: self.coordinates.place(place), confidence })
         });
@@ -223,12 +230,12 @@ impl<'a> Working<'a> {
         }
         let mut known = self.job.known.clone();
         if let Some(sequence) = &self.job.shape_from {
-            let of_sequence = |index: &usize| self.files[*index].id.sequence == *sequence;
+            let of_sequence = |index: &usize| self.files[*index].id().sequence == *sequence;
             let Some(begun) = self.begun(&self.spread(of_sequence), observe, stop)? else { return Ok(None) };
             let bare = Known { shape: None, bare: true };
             known.shape = Some(self.fitted_together(&begun, &bare, observe)?.0.shape);
         }
-        let in_training = |index: &usize| self.files[*index].id.split == Split::Train.name();
+        let in_training = |index: &usize| self.files[*index].id().split == Split::Train.name();
         let mut chosen = self.spread(in_training);
         if chosen.is_empty() {
             chosen = self.spread(|_| true);
@@ -266,7 +273,7 @@ impl<'a> Working<'a> {
             if stop.load(Ordering::Relaxed) {
                 return Ok(None);
             }
-            observe("starts", done as f64 / chosen.len() as f64, &self.files[*index].id.to_string());
+            observe("starts", done as f64 / chosen.len() as f64, &self.files[*index].id().to_string());
             let prepared = self.prepared(*index)?;
             if prepared.start.is_some() {
                 begun.push((*index, prepared));
@@ -303,7 +310,7 @@ impl<'a> Working<'a> {
     ) -> Result<Record> {
         let circumstances =
             Circumstances { middle: frame.scan.middle(), landmarks: frame.landmarks.len(), dropped: dropped.to_vec() };
-        Record::new(pose, quality, circumstances).kept(&self.kept, &self.files[index].id)
+        Record::new(pose, quality, circumstances).kept(&self.kept, self.files[index].id())
     }
 
     /// The records of all frames that could be started; those that are there already are taken as they are.
@@ -319,7 +326,7 @@ impl<'a> Working<'a> {
             if stop.load(Ordering::Relaxed) {
                 return Ok(None);
             }
-            let name = self.files[first].id.to_string();
+            let name = self.files[first].id().to_string();
             observe("frames", first as f64 / self.files.len() as f64, &name);
             let last = (first + batch).min(self.files.len());
             let fitted: Vec<Option<Record>> =
@@ -330,7 +337,7 @@ impl<'a> Working<'a> {
     }
 
     fn fitted(&self, index: usize, shaped: &Shaped) -> Result<Option<Record>> {
-        if let Some(record) = Record::read(&self.kept, &self.files[index].id)? {
+        if let Some(record) = Record::read(&self.kept, self.files[index].id())? {
             return Ok(Some(record));
         }
         let prepared = self.prepared(index)?;
@@ -345,9 +352,10 @@ impl<'a> Working<'a> {
         let sequence = Sequence { poses: vec![pose.clone()], shape: shaped.shape.clone() };
         let frames = std::slice::from_ref(frame);
         let quality = self.fitter.qualities(&sequence, frames, &shaped.clothing.thickness)?.remove(0);
+        let Recording::Scan(files) = self.files[index] else { return Ok(quality) };
         let scan = ScanFrame {
-            id: self.files[index].id.clone(),
-            scan: self.scan(index)?,
+            id: files.id.clone(),
+            scan: scan(files, self.coordinates)?,
             parameters: BodyParameters::from(self.relative_to_mean(&pose.pose(&shaped.shape))),
             unseen_parts: Vec::new(),
             notes: Vec::new(),
@@ -373,7 +381,7 @@ impl<'a> Working<'a> {
             if stop.load(Ordering::Relaxed) {
                 return Ok(None);
             }
-            let id = &self.files[index].id;
+            let id = self.files[index].id();
             let bad_count = bad.iter().filter(|bad| **bad).count();
             observe("again", 1.0 - bad_count as f64 / bad.len() as f64, &id.to_string());
             let (frame, dropped) = self.frame(index)?;
@@ -407,7 +415,7 @@ impl<'a> Working<'a> {
     /// The good frames nearest to one, before and after it in its sequence.
     fn neighbours(&self, index: usize, bad: &[bool]) -> impl Iterator<Item = usize> {
         let of_sequence = |other: &usize| {
-            let (own, other) = (&self.files[index].id, &self.files[*other].id);
+            let (own, other) = (self.files[index].id(), self.files[*other].id());
             own.split == other.split && own.sequence == other.sequence
         };
         let good = |other: &usize| of_sequence(other) && !bad[*other];

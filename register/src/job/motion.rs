@@ -61,11 +61,11 @@ impl Working<'_> {
         let mut sequences: Vec<(&FrameId, Places)> = Vec::new();
         for (place, files) in self.files.iter().enumerate() {
             let is_same = |(first, _): &&mut (&FrameId, Places)| {
-                (&first.split, &first.sequence) == (&files.id.split, &files.id.sequence)
+                (&first.split, &first.sequence) == (&files.id().split, &files.id().sequence)
             };
             match sequences.iter_mut().find(is_same) {
                 Some((_, places)) => places.push(place),
-                None => sequences.push((&files.id, vec![place])),
+                None => sequences.push((files.id(), vec![place])),
             }
         }
         sequences

@@ -39,7 +39,7 @@ impl Working<'_> {
                 if stop.load(Ordering::Relaxed) {
                     return Ok(None);
                 }
-                observe("motion", pass as f64 / (2 * ROUNDS) as f64, &self.files[batch[0][1]].id.to_string());
+                observe("motion", pass as f64 / (2 * ROUNDS) as f64, &self.files[batch[0][1]].id().to_string());
                 let fitted = |places: &&&[usize; 3]| self.fitted_between(***places, &records, shaped, rate);
                 let fitted: Vec<Option<Record>> =
                     batch.par_iter().map(|places| fitted(&places)).collect::<Result<_>>()?;

@@ -1,18 +1,26 @@
-//! The data that a job leaves: frames that lie on their scans, in X-Humans' layout, and the report of all.
+//! The data that a job leaves: frames that lie on their scans, in X-Humans' layout, or on their pictures, in a plain folder, and the report
+//! of all.
 
 use std::io::Write;
 use std::sync::atomic::AtomicBool;
 
-use xavatar_body::{BodyParameters, Gender, HandPose, Pose, PoseAxisAngle, Role, smplx};
-use xavatar_data::{FrameFolder, write_common};
+use xavatar_body::{BodyParameters, HandPose, Pose, PoseAxisAngle, Role, smplx};
+use xavatar_data::{
+    DepthFormat, FrameFiles, FrameFolder, RgbdFiles, RgbdFrame, RgbdLayout, remove_rgbd_frame, write_common,
+    write_rgbd_subject,
+};
 use xavatar_formats::{Error, Result, write_atomically};
 
 use super::record::Record;
+use super::recorded::{Recording, picture, scan};
 use super::report::{FrameReport, REPORT_FILE, RegistrationReport, Verdict, summary, why};
-use super::{Observer, Working};
+use super::{Observer, Recordings, Working};
 use crate::fit::{FrameQuality, Shaped, fingers, turned_hands};
 use crate::landmarks::{LANDMARKS_FILE, write_own};
 use crate::linear::{FramePose, so3};
+
+/// What depths are written as: what was read, to the bit.
+const DEPTH_FORMAT: DepthFormat = DepthFormat::Tiff;
 
 impl Working<'_> {
     /// Writes all frames that are registered, and the report; none if the job was stopped.
@@ -25,15 +33,20 @@ impl Working<'_> {
     ) -> Result<Option<RegistrationReport>> {
         let reports = self.reports(records);
         let betas: Vec<f32> = shaped.shape.iter().map(|value| *value as f32).collect();
-        write_common(&self.job.out, self.job.scans.gender.unwrap_or(Gender::Neutral), &betas)?;
+        let (mut scans, mut pictures) = (Vec::new(), Vec::new());
         for (index, (record, report)) in records.iter().zip(&reports).enumerate() {
-            let id = &self.files[index].id;
-            observe("writing", index as f64 / records.len() as f64, &id.to_string());
-            let folder = FrameFolder::of(&self.job.out, id);
-            match record.as_ref().filter(|_| report.verdict == Verdict::Registered) {
-                Some(record) => self.write_frame(&folder, index, record, &report.missing_hands, shaped)?,
-                None => folder.clear()?,
+            let record = record.as_ref().filter(|_| report.verdict == Verdict::Registered);
+            let pose = record.map(|record| self.pose_of(index, record, &report.missing_hands).pose(&shaped.shape));
+            match self.files[index] {
+                Recording::Scan(files) => scans.push((files, pose)),
+                Recording::Rgbd(files) => pictures.push((files, pose)),
             }
+        }
+        if !scans.is_empty() {
+            self.write_scans(&scans, &betas, observe)?;
+        }
+        if !pictures.is_empty() {
+            self.write_pictures(&pictures, &betas, observe)?;
         }
         if self.job.offsets && !self.write_free_forms(records, &reports, shaped, observe, stop)? {
             return Ok(None);
@@ -81,7 +94,7 @@ impl Working<'_> {
         let path = self.job.out.join(LANDMARKS_FILE);
         let of_frame = |index: usize| {
             let (place, count) = self.places[index];
-            Ok((self.files[index].id.to_string(), landmarks.of_frame(&self.files[index].id, place, count)?))
+            Ok((self.files[index].id().to_string(), landmarks.of_frame(self.files[index].id(), place, count)?))
         };
         let frames = (0..self.files.len()).map(of_frame).collect::<Result<Vec<_>>>()?;
         write_own(&path, &frames)
@@ -90,6 +103,10 @@ impl Working<'_> {
     /// Of each frame, the hands none of whose fingers has a landmark, if in another frame one has: programs that find fingers miss no whole
     /// hand that a scan shows.
     pub(super) fn hands_without_landmarks(&self) -> Result<Vec<Vec<String>>> {
+        if matches!(self.job.recordings, Recordings::Rgbd(_)) {
+            // A camera that does not see a hand does not say that it is inside of anything.
+            return Ok(vec![Vec::new(); self.files.len()]);
+        }
         let skeleton = self.job.body.skeleton();
         let hands: Vec<(&String, Vec<&String>)> = (skeleton.parts_of(Role::Hands))
             .map(|part| &skeleton.parts[part.index()])
@@ -98,7 +115,7 @@ impl Working<'_> {
         let of_frame = |index: usize| {
             let (place, count) = self.places[index];
             let found = match self.job.landmarks {
-                Some(landmarks) => landmarks.of_frame(&self.files[index].id, place, count)?,
+                Some(landmarks) => landmarks.of_frame(self.files[index].id(), place, count)?,
                 None => Vec::new(),
             };
             let has = |fingers: &[&String]| found.iter().any(|(name, ..)| fingers.contains(&name));
@@ -127,7 +144,7 @@ impl Working<'_> {
             good.map(|quality| quality.missing_hands(self.job.body.skeleton(), unseen)).unwrap_or_default();
         turned_hands.retain(|hand| good.is_some() && !missing_hands.contains(hand));
         FrameReport {
-            frame: self.files[index].id.to_string(),
+            frame: self.files[index].id().to_string(),
             verdict: if is_bad { Verdict::LeftOut } else { Verdict::Registered },
             reason: if is_bad { self.reason(quality.as_ref()) } else { String::new() },
             missing_hands,
@@ -148,25 +165,57 @@ impl Working<'_> {
         }
     }
 
-    fn write_frame(
+    /// Scans with their bodies, in X-Humans' layout; without a pose, what was written before is removed.
+    fn write_scans(
         &self,
-        folder: &FrameFolder,
-        index: usize,
-        record: &Record,
-        missing_hands: &[String],
-        shaped: &Shaped,
+        frames: &[(&FrameFiles, Option<Pose>)],
+        betas: &[f32],
+        observe: &mut Observer<'_>,
     ) -> Result<()> {
-        let files = self.files[index];
+        write_common(&self.job.out, self.job.gender, betas)?;
+        for (done, (files, pose)) in frames.iter().enumerate() {
+            observe("writing", done as f64 / frames.len() as f64, &files.id.to_string());
+            let folder = FrameFolder::of(&self.job.out, &files.id);
+            match pose {
+                Some(pose) => self.write_frame(&folder, files, pose)?,
+                None => folder.clear()?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Pictures with their bodies, in a plain folder, likewise.
+    fn write_pictures(
+        &self,
+        frames: &[(&RgbdFiles, Option<Pose>)],
+        betas: &[f32],
+        observe: &mut Observer<'_>,
+    ) -> Result<()> {
+        let out = &self.job.out;
+        for (files, _) in frames.iter().filter(|(_, pose)| pose.is_none()) {
+            remove_rgbd_frame(out, DEPTH_FORMAT, &files.id)?;
+        }
+        let kept: Vec<(&RgbdFiles, &Pose)> =
+            frames.iter().filter_map(|(files, pose)| Some((*files, pose.as_ref()?))).collect();
+        let frame = |(done, (files, pose)): (usize, &(&RgbdFiles, &Pose))| {
+            observe("writing", done as f64 / kept.len() as f64, &files.id.to_string());
+            let frame = picture(files, self.coordinates)?;
+            Ok(RgbdFrame { parameters: BodyParameters::from(self.relative_to_mean(pose)), ..frame })
+        };
+        let layout = RgbdLayout::Plain(DEPTH_FORMAT);
+        write_rgbd_subject(out, layout, self.job.gender, betas, kept.iter().enumerate().map(frame))
+    }
+
+    fn write_frame(&self, folder: &FrameFolder, files: &FrameFiles, pose: &Pose) -> Result<()> {
         let is_linked = match files.scan.path().filter(|_| self.coordinates.is_plain()) {
             Some(scan) => folder.link_scan(scan)?,
             None => false,
         };
         if !is_linked {
-            folder.write_scan(&self.scan(index)?)?;
+            folder.write_scan(&scan(files, self.coordinates)?)?;
         }
-        let pose = self.pose_of(index, record, missing_hands).pose(&shaped.shape);
-        let mesh = self.job.body.mesh(self.job.body.pose(&pose)?.vertices);
-        folder.write_body(&BodyParameters::from(self.relative_to_mean(&pose)), &mesh)
+        let mesh = self.job.body.mesh(self.job.body.pose(pose)?.vertices);
+        folder.write_body(&BodyParameters::from(self.relative_to_mean(pose)), &mesh)
     }
 
     /// SMPL-X's parameters with hands as offsets from the model's mean hands, X-Humans' convention.

@@ -1,7 +1,7 @@
 //! The distance between body and scan, both ways, over clothing D of known thickness.
 //!
 //! body -> scan: n_q . (q - v - D n), q the scan's nearest to v + D n; scan -> body: n . (s - v - D n), v the nearest to a scan point s, summed at v before
-//! rows are built. Weights: Geman-McClure of the distance, times the cosine between the normals, over the deviation squared. Metres.
+//! rows are built. Of what one camera saw, v takes part if it can be seen; in the open it is drawn out of it, n being the way. Weights: Geman-McClure of the distance, times the cosine between the normals, over the deviation squared. Metres.
 
 use glam::DVec3;
 use xavatar_body::Part;
@@ -11,6 +11,7 @@ use super::robust;
 use crate::linear::{Basis, Linkage, NormalEquations, Row, Unknowns};
 use crate::surface_model::{PosedSurface, SurfaceModel, TOTAL_WEIGHT};
 use crate::target::{IndexedTarget, OrientedIndex, Seekers};
+use crate::view::Sight;
 
 /// How a stage compares body and scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +28,7 @@ pub struct SurfaceTerm {
     pub along: f64,
 }
 
-/// Reach and deviation of what sticks out of a scan that does not show it, for it shows all that is outside, metres.
+/// Reach and deviation of what sticks out of a scan that does not show it, for it shows all that is outside, or of what a camera saw, metres.
 const HIDDEN: (f64, f64) = (0.05, 0.006);
 
 /// The body that is compared.
@@ -80,6 +81,16 @@ impl Adder<'_> {
     fn body_to_scan(&mut self, scan: &IndexedTarget) {
         for vertex in 0..self.body.model.len() {
             let (outside, normal) = (self.outside(vertex), self.posed.normals[vertex]);
+            match scan.target.sight(outside, normal) {
+                Sight::Seen(_) => {}
+                Sight::Hidden => continue,
+                Sight::Open(way) => {
+                    let (reach, deviation) = (self.term.reach.max(HIDDEN.0), self.term.deviation.max(HIDDEN.1));
+                    let weight = weight((reach, deviation), way.length(), 1.0) * self.body.model.weights[vertex];
+                    self.add_rows(vertex, way.normalize_or_zero(), way, weight);
+                    continue;
+                }
+            }
             let (nearest, _) = scan.index.nearest(outside, normal);
             let (q, n) = (scan.target.points()[nearest], scan.target.normals()[nearest]);
             let (way, cosine) = (q - outside, normal.dot(n));

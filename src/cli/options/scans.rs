@@ -1,4 +1,4 @@
-//! What verbs that register bodies to scans have in common: which scans and body, and by which landmarks.
+//! What verbs that register bodies have in common: to which scans or pictures, which body, and by which landmarks.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -6,11 +6,11 @@ use std::sync::atomic::AtomicBool;
 use clap::ValueEnum;
 use xavatar::InputError;
 use xavatar::body::{BodyModel, Gender, PartLabels};
-use xavatar::data::Scans;
+use xavatar::data::{RgbdPictures, Scans};
 use xavatar::formats::read_npy;
 use xavatar::landmarks::Models;
 use xavatar::register::fit::Known;
-use xavatar::register::job::{Job, Observer, Up, find_landmarks};
+use xavatar::register::job::{Job, Observer, Recordings, StartPoses, Up, find_landmarks};
 use xavatar::register::landmarks::LandmarkFiles;
 
 use super::inputs::load_body;
@@ -18,16 +18,19 @@ use super::motion::positive;
 use crate::cli::output::progress::Progress;
 use crate::cli::{stop, wrong_usage};
 
-/// Scans, the body to register to them, and landmarks.
+/// Scans or pictures, the body to register to them, and landmarks.
 #[derive(clap::Args)]
 pub struct ScanArguments {
     /// The folder of one person's scans
-    #[arg(value_name = "SCANS")]
-    scans: PathBuf,
+    #[arg(value_name = "SCANS", required_unless_present = "rgbd", conflicts_with = "rgbd")]
+    scans: Option<PathBuf>,
+    /// Instead of scans: one person's pictures by a depth camera, in a layout of docs/rgbd.md
+    #[arg(long, value_name = "FOLDER")]
+    rgbd: Option<PathBuf>,
     /// SMPL-X model file, or the folder that holds SMPLX_{GENDER}.npz or .pkl
     #[arg(long, value_name = "BODY")]
     pub body: PathBuf,
-    /// Landmarks in the scans' coordinates: a file, or a folder with a file a frame
+    /// Landmarks in the coordinates of the scans, or of the cameras' world: a file, or a folder with a file a frame
     #[arg(long, value_name = "PATH", required_unless_present_any = ["geometry_only", "models"])]
     landmarks: Option<PathBuf>,
     /// MediaPipe's package, whose networks find the landmarks: its wheel of version 0.10.14, or a folder with it
@@ -36,6 +39,9 @@ pub struct ScanArguments {
     /// Without landmarks: people who stand are found by the scans' shapes, and the frames near them from these
     #[arg(long, conflicts_with_all = ["landmarks", "models"])]
     geometry_only: bool,
+    /// Poses that another program found, tried as starts: a motion of docs/motion.md, or a folder with one for every sequence
+    #[arg(long, value_name = "MOTION")]
+    start: Option<PathBuf>,
     /// The subject's shape, ten coefficients as .npy, to be held fixed
     #[arg(long, value_name = "FILE")]
     shape: Option<PathBuf>,
@@ -45,10 +51,10 @@ pub struct ScanArguments {
     /// Frames a second of the sequences, if frames follow each other: bodies then move as smoothly as people do
     #[arg(long, value_name = "F", value_parser = positive)]
     fps: Option<f32>,
-    /// The axis of the scans' files that points up
+    /// The axis of the scans' files, or of the cameras' world, that points up
     #[arg(long, value_enum, default_value_t = UpAxis::Y, allow_hyphen_values = true)]
     up: UpAxis,
-    /// Which body model [default: what gender.txt in SCANS says, else neutral]
+    /// Which body model [default: what gender.txt, or rgbd.toml, says; else neutral]
     #[arg(long, value_name = "GENDER", value_parser = |text: &str| text.parse::<Gender>().map_err(|_| "expected neutral, male or female"))]
     gender: Option<Gender>,
 }
@@ -74,10 +80,26 @@ impl From<UpAxis> for Up {
     }
 }
 
-/// Scans that were found, with the body for them.
+/// What bodies are registered to.
+enum Found {
+    Scans(Scans),
+    Rgbd(RgbdPictures),
+}
+
+impl Found {
+    fn recordings(&self) -> Recordings<'_> {
+        match self {
+            Self::Scans(scans) => Recordings::Scans(scans),
+            Self::Rgbd(pictures) => Recordings::Rgbd(pictures),
+        }
+    }
+}
+
+/// Scans or pictures that were found, with the body for them.
 pub struct OpenScans<'a> {
     arguments: &'a ScanArguments,
-    scans: Scans,
+    found: Found,
+    gender: Gender,
     labels: PartLabels,
     known: Known,
     /// The body.
@@ -90,11 +112,13 @@ impl ScanArguments {
     /// Scans and body alone; without landmarks, by the scans' shapes.
     pub fn new(scans: PathBuf, body: PathBuf, landmarks: Option<PathBuf>, models: Option<PathBuf>) -> Self {
         Self {
-            scans,
+            scans: Some(scans),
+            rgbd: None,
             body,
             geometry_only: landmarks.is_none() && models.is_none(),
             landmarks,
             models,
+            start: None,
             shape: None,
             minimal: None,
             fps: None,
@@ -103,14 +127,26 @@ impl ScanArguments {
         }
     }
 
-    /// Finds the scans, of which the sequences of these names are for tests, and loads the body.
+    /// Whether there are pictures in place of scans.
+    pub fn is_rgbd(&self) -> bool {
+        self.rgbd.is_some()
+    }
+
+    /// Finds the scans, of which the sequences of these names are for tests, or the pictures, and loads the body.
     pub fn open(&self, test: &[String]) -> anyhow::Result<OpenScans<'_>> {
-        let mut scans = Scans::open(&self.scans, test)?;
-        let gender = self.gender.or(scans.gender).unwrap_or(Gender::Neutral);
-        scans.gender = Some(gender);
+        let found = match (&self.scans, &self.rgbd) {
+            (_, Some(_)) if !test.is_empty() => wrong_usage!(
+                "--take: which pictures are for tests, their folders train and test say, or `split` in rgbd.toml (docs/rgbd.md)"
+            ),
+            (_, Some(folder)) => Found::Rgbd(RgbdPictures::open(folder)?),
+            (Some(folder), None) => Found::Scans(Scans::open(folder, test)?),
+            (None, None) => wrong_usage!("give SCANS, or --rgbd FOLDER"),
+        };
+        let gender = self.gender.or(found.recordings().gender()).unwrap_or(Gender::Neutral);
         let (body, labels) = load_body(&self.body, gender)?;
         let shape = self.shape.as_deref().map(|path| shape_in(path, body.shape_coefficients())).transpose()?;
-        Ok(OpenScans { arguments: self, scans, labels, known: Known { shape, bare: false }, body, offsets: false })
+        let known = Known { shape, bare: false };
+        Ok(OpenScans { arguments: self, found, gender, labels, known, body, offsets: false })
     }
 }
 
@@ -122,25 +158,29 @@ impl OpenScans<'_> {
         progress: &mut Progress,
         work: impl FnOnce(&Job<'_>, &mut Observer<'_>, &AtomicBool) -> Result<Option<T>, InputError>,
     ) -> anyhow::Result<Option<T>> {
-        let ScanArguments { landmarks, models, minimal, up, fps, .. } = self.arguments;
-        let up = (*up).into();
+        let ScanArguments { landmarks, models, start, minimal, up, fps, .. } = self.arguments;
+        let (recordings, up) = (self.found.recordings(), (*up).into());
         let stop = stop::on_interrupt()?;
+        let read = |path: &PathBuf| StartPoses::read(path, recordings, &self.body);
+        let starts = start.as_ref().map(read).transpose()?;
         let mut show = |phase: &'static str, share: f64, message: &str| progress.show(phase, share, message);
         let landmarks = match (landmarks, models) {
             (Some(path), _) => Some(LandmarkFiles::read(path)?),
             (None, None) => None,
             (None, Some(package)) => {
-                match find_landmarks(&self.scans, &Models::open(package)?, up, out, &mut show, stop)? {
+                match find_landmarks(recordings, &Models::open(package)?, up, out, &mut show, stop)? {
                     Some(found) => Some(found),
                     None => return Ok(None),
                 }
             }
         };
         let job = Job {
-            scans: &self.scans,
+            recordings,
+            gender: self.gender,
             body: &self.body,
             labels: &self.labels,
             landmarks: landmarks.as_ref(),
+            starts: starts.as_ref(),
             up,
             known: self.known.clone(),
             shape_from: minimal.clone(),

@@ -1,4 +1,4 @@
-//! `xavatar register`: from scans alone to data that can be trained on.
+//! `xavatar register`: from scans, or a depth camera's pictures, alone to data that can be trained on.
 
 use std::path::{Path, PathBuf};
 
@@ -7,21 +7,23 @@ use xavatar::register::job::REPORT_FILE;
 use xavatar::register::landmarks::LANDMARKS_FILE;
 use xavatar::report::{REGISTRATION_PAGE, write_registration_page};
 
-use crate::cli::Outcome;
 use crate::cli::options::inputs::SubjectArguments;
 use crate::cli::options::scans::ScanArguments;
 use crate::cli::output::files;
 use crate::cli::output::json::JsonArgument;
 use crate::cli::output::progress::Progress;
 use crate::cli::output::report::command_line;
+use crate::cli::{Outcome, wrong_usage};
 
-/// Register a body model to scans: poses, shape and clothing, as data to train on
+/// Register a body model to scans, or to a depth camera's pictures: poses, shape and clothing, as data to train on
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     xavatar register scans --body models/smplx --models mediapipe-0.10.14.whl --out data\n  \
     xavatar register scans --body models/smplx --landmarks landmarks.json --out data\n  \
     xavatar register scans --body models/smplx --geometry-only --out data\n  \
-    xavatar register scans --body models/smplx --landmarks openpose --take Take3=test --out data\n\n\
+    xavatar register scans --body models/smplx --landmarks openpose --take Take3=test --out data\n  \
+    xavatar register scans --body models/smplx --geometry-only --start gvhmr.pt --out data\n  \
+    xavatar register --rgbd pictures --body models/smplx --models mediapipe-0.10.14.whl --out data\n\n\
     SCANS is a folder of meshes, with a folder for every sequence, or any layout of docs/formats.md; registrations in it are not looked\n\
     at. Landmarks: docs/registration.md. Frames that do not fit are left out of DATA and named; the exit code is 1 if more than a fifth\n\
     is. Ctrl-C stops after the frame; --resume goes on, and ends with the same files to the bit.")]
@@ -47,6 +49,11 @@ pub struct Register {
 impl Register {
     pub fn run(self) -> anyhow::Result<Outcome> {
         self.json.check()?;
+        if self.scans.is_rgbd() && self.offsets {
+            wrong_usage!(
+                "--offsets moves bodies onto whole surfaces, of which a depth camera sees one side: leave it out"
+            );
+        }
         files::new_or_resumed(&self.out, self.resume)?;
         let mut scans = self.scans.open(&self.test)?;
         scans.offsets = self.offsets;

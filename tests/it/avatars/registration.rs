@@ -5,14 +5,15 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use xavatar::body::{Part, Pose};
-use xavatar::data::Split;
+use xavatar::data::{RgbdCapture, Split};
+use xavatar::mesh::camera::PinholeCamera;
 use xavatar::mesh::{ExtractionGrid, Sign, TriangleMesh, extract};
-use xavatar::register::fit::{Clothing, Fitter, Frame, Shaped, Start};
+use xavatar::register::fit::{Clothing, Fitter, Frame, Sequence, Shaped, Start};
 use xavatar::register::linear::{Besides, FramePose, NormalEquations, Unknowns, so3};
 use xavatar::register::surface_model::Density;
 use xavatar::register::target::{IndexedTarget, ScanTarget, Seekers};
 use xavatar::register::terms::{Dressed, MotionTerm, SurfaceTerm};
-use xavatar::synthetic::BuiltInSubject;
+use xavatar::synthetic::{BuiltInSubject, film};
 
 /// Frames of the take.
 const FRAMES: usize = 24;
@@ -100,6 +101,33 @@ fn hands_that_a_scan_does_not_show_are_pulled_into_it_and_left_alone_inside() {
     assert!(cost(0.97 * farthest) > 0.1, "{}", cost(0.97 * farthest));
 }
 
+// From one side: what is seen is drawn onto the surface, what sticks out of the silhouette into it, and the side that is hidden follows.
+#[test]
+fn a_body_beside_and_before_what_one_camera_saw_is_drawn_back() {
+    let subject = BuiltInSubject::new().unwrap();
+    let (fitter, shaped) = fitter(&subject);
+    let scan = subject.frame(Split::Train, 3, FRAMES).unwrap();
+    let centre = scan.parameters.translation() + Vec3::Y * 0.1;
+    let camera = PinholeCamera::looking_at(centre + Vec3::Z * 4.0, centre, 0.55, [300, 400]).unwrap();
+    let target = ScanTarget::seen(&RgbdCapture::of(film(&scan, camera).unwrap()).unwrap()).unwrap();
+    assert!(target.is_partial());
+    let frame = Frame { scan: Arc::new(target), landmarks: Vec::new(), motion: None, unseen: Vec::new() };
+    let truth = FramePose::of(&subject.model().resolve(&scan.parameters).unwrap(), fitter.linkage.extents());
+    let mut start = truth.clone();
+    start.translation += DVec3::new(0.05, 0.0, 0.06);
+    let fitted = fitter.fit_pose(Start::FromElsewhere(start), &frame, &shaped).unwrap();
+    let off = fitted.translation - truth.translation;
+    assert!(off.length() < 0.015, "{off}");
+    let sequence = |pose: &FramePose| Sequence { poses: vec![pose.clone()], shape: shaped.shape.clone() };
+    let frames = std::slice::from_ref(&frame);
+    let quality =
+        |pose: &FramePose| fitter.qualities(&sequence(pose), frames, &shaped.clothing.thickness).unwrap().remove(0);
+    let mut beside = truth.clone();
+    beside.translation += DVec3::X * 0.1;
+    assert!(quality(&truth).body_far() < 0.02, "{:?}", quality(&truth));
+    assert!(quality(&beside).body_far() > 0.2, "{:?}", quality(&beside));
+}
+
 /// A sphere with its faces outwards.
 fn ball(middle: Vec3, radius: f32) -> TriangleMesh {
     let grid = ExtractionGrid {
@@ -113,4 +141,45 @@ fn ball(middle: Vec3, radius: f32) -> TriangleMesh {
         points.iter().zip(values).for_each(|(point, value)| *value = point.distance(middle) - radius);
     };
     extract(&field, grid).unwrap().mesh
+}
+
+// Somebody who squats with crossed arms: no standing pose leads there, a pose that another program found does, whichever way it faces.
+#[test]
+fn a_pose_that_is_given_is_a_start_where_standing_people_are_not_found_and_a_wrong_one_does_no_harm() {
+    let subject = BuiltInSubject::new().unwrap();
+    let fitter = Fitter::new(subject.model(), subject.part_labels(), Density::COARSE);
+    let extents = fitter.linkage.extents();
+    let names = &subject.model().skeleton().joints;
+    let turned = |turns: &[(&str, [f64; 3])], yaw: f64| {
+        let of = |name: &str| names.iter().position(|joint| joint == name).unwrap();
+        let turns = turns.iter().map(|(name, turn)| (of(name), DVec3::from(*turn)));
+        FramePose::turned(extents, fitter.prior.means().chain(turns).chain([(0, DVec3::Y * yaw)]))
+    };
+    let squat = [
+        ("left_hip", [-1.7, 0.0, 0.3]),
+        ("right_hip", [-1.7, 0.0, -0.3]),
+        ("left_knee", [2.1, 0.0, 0.0]),
+        ("right_knee", [2.1, 0.0, 0.0]),
+        ("spine1", [0.5, 0.0, 0.0]),
+        ("left_shoulder", [0.0, -1.2, -0.7]),
+        ("right_shoulder", [0.0, 1.2, 0.7]),
+        ("left_elbow", [0.0, -1.6, 0.0]),
+        ("right_elbow", [0.0, 1.6, 0.0]),
+    ];
+    let truth = turned(&squat, 0.9);
+    let shape = vec![0.0; extents.shapes];
+    let posed = subject.model().pose(&truth.pose(&shape)).unwrap();
+    let scan = Arc::new(ScanTarget::of(&subject.model().mesh(posed.vertices.clone())).unwrap());
+    let frame = Frame { scan, landmarks: Vec::new(), motion: None, unseen: Vec::new() };
+    let error = |pose: &FramePose| {
+        let found = subject.model().pose(&pose.pose(&shape)).unwrap().joints;
+        found.iter().zip(&posed.joints).take(22).map(|(one, other)| one.distance(*other)).sum::<f32>() / 22.0
+    };
+    let blind = fitter.guess(&frame, None).unwrap().unwrap();
+    assert!(!blind.is_good() && error(&blind.pose) > 0.1, "{} {}", blind.score, error(&blind.pose));
+    let given = turned(&squat.map(|(name, turn)| (name, turn.map(|angle| 0.85 * angle))), -2.0);
+    let found = fitter.guess(&frame, Some(&given)).unwrap().unwrap();
+    assert!(found.score < blind.score && error(&found.pose) < 0.05, "{} {}", found.score, error(&found.pose));
+    let wrong = turned(&[("left_hip", [1.5, 0.0, 0.0])], 0.0);
+    assert!(!fitter.guess(&frame, Some(&wrong)).unwrap().unwrap().is_good());
 }

@@ -6,6 +6,7 @@ mod check;
 mod cli;
 mod labelled;
 mod register;
+mod register_rgbd;
 mod render;
 mod rgbd;
 mod runs;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use xavatar::body::Pose;
 use xavatar::body::smplx::Parameters;
-use xavatar::data::{FrameId, Split, Subject, read_frame, read_motion};
+use xavatar::data::{FrameId, Motion, Split, Subject, read_frame, read_motion, write_motion};
 use xavatar::mesh::{SurfaceIndex, TriangleMesh, read_mesh, write_obj};
 use xavatar::register::landmarks::{LANDMARKS_FILE, LandmarkFiles};
 use xavatar::synthetic::BuiltInSubject;
@@ -232,6 +232,34 @@ fn the_motion_of_bare_scans_is_captured_as_a_file_that_other_verbs_read() {
     assert!(errors.iter().all(|error| *error < 10.0), "{errors:?}");
     assert!(!out.join("train").exists(), "poses alone, no data");
     assert_outcome(&capture, 1, &["not empty", "--resume"]);
+}
+
+#[test]
+fn poses_of_another_program_are_tried_as_starts_and_have_to_be_of_the_frames() {
+    let (folder, scans, landmarks) = scans();
+    let (_, body) = data();
+    let truth = BuiltInSubject::new().unwrap();
+    let motion = |frames: usize, name: &str| {
+        let frames = (0..frames).map(|index| truth.parameters(Split::Train, index, FRAMES).unwrap()).collect();
+        let path = folder.path().join(name);
+        write_motion(&path, &Motion { frames, ..Motion::default() }).unwrap();
+        path
+    };
+    let starts = folder.path().join("starts");
+    fs::create_dir(&starts).unwrap();
+    motion(FRAMES, "starts/Take1.npz");
+    let register = ["register", text(&scans), "--body", body, "--landmarks", text(&landmarks), "--out"];
+    let out = folder.path().join("data");
+    assert_outcome(&[&register[..], &[text(&out), "--start", text(&starts)]].concat(), 0, &["4 of 4 frames"]);
+    let errors = errors(&out);
+    assert!(errors.iter().all(|error| *error < 8.0), "{errors:?}");
+
+    let none = folder.path().join("none");
+    let with = |start: &Path| [&register[..], &[text(&none), "--start", text(start)]].concat();
+    let few = motion(FRAMES - 1, "few.npz");
+    assert_outcome(&with(&few), 1, &["few.npz", "3 poses", "4 frames of train/Take1"]);
+    assert_outcome(&with(&folder.path().join("nothing.npz")), 1, &["nothing.npz", "a motion"]);
+    assert_outcome(&with(&landmarks), 1, &["landmarks.json", "docs/motion.md"]);
 }
 
 /// A .npy file of numbers.
