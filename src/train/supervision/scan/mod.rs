@@ -15,6 +15,10 @@ use crate::data::ScanFrame;
 use crate::mesh::{SurfacePoint, SurfaceSampler, TriangleMesh};
 use crate::train::drawn::{Origin, PosedSamples, UNKNOWN_DEPTH};
 
+/// Faces of a scan that lie deeper in the registered body than this are no skin, metres: a crack or a cavity that its making left inside. Roots as
+/// deep are trained by no surface, so that what they show would be learned elsewhere.
+const DEEPEST: f32 = UNKNOWN_DEPTH;
+
 /// Where a region's points are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Source {
@@ -65,9 +69,6 @@ impl<'a> ScanSupervision<'a> {
         let ScanFrame { mut scan, parameters, unseen_parts, .. } = frame;
         scan.vertices.iter_mut().for_each(|vertex| *vertex -= parameters.translation());
         let RegisteredBody { mesh, canonical, skeleton, labels, registration } = body;
-        let regions = regions(&scan, &mesh, skeleton, labels, &registration, &config.sampling)?;
-        let is_seen = |region: &Region| !unseen_parts.contains(&skeleton.parts[region.part.index()].name);
-        let regions = regions.into_iter().filter(is_seen).collect();
         let (scan, body) = (Surface::new(scan)?, Surface::new(mesh)?);
         let depth = |face: u32| {
             let centre = scan.mesh.corners(face).into_iter().sum::<Vec3>() / 3.0;
@@ -77,7 +78,11 @@ impl<'a> ScanSupervision<'a> {
                 |distance| (-distance).max(0.0),
             )
         };
-        let depths = (0..scan.mesh.faces.len() as u32).into_par_iter().with_min_len(256).map(depth).collect();
+        let depths: Vec<f32> = (0..scan.mesh.faces.len() as u32).into_par_iter().with_min_len(256).map(depth).collect();
+        let is_skin = |face: u32| depths[face as usize] < DEEPEST;
+        let regions = regions(&scan.mesh, &body.mesh, skeleton, labels, &registration, &config.sampling, &is_skin)?;
+        let is_seen = |region: &Region| !unseen_parts.contains(&skeleton.parts[region.part.index()].name);
+        let regions = regions.into_iter().filter(is_seen).collect();
         Ok(Self { scan, body, canonical, registration, regions, depths })
     }
 
@@ -97,7 +102,7 @@ impl<'a> ScanSupervision<'a> {
     }
 }
 
-/// The parts' shares of P (METHOD section 4); half of the face's is around eyes and mouth.
+/// The parts' shares of P (METHOD section 4), of the scan's faces that are skin; half of the face's is around eyes and mouth.
 fn regions(
     scan: &TriangleMesh,
     body: &TriangleMesh,
@@ -105,6 +110,7 @@ fn regions(
     labels: &PartLabels,
     registration: &Registration,
     settings: &SamplingSettings,
+    is_skin: &dyn Fn(u32) -> bool,
 ) -> Result<Vec<Region>> {
     if settings.strategy == SamplingStrategy::Uniform {
         let sampler = SurfaceSampler::new(scan, None)?;
@@ -115,7 +121,7 @@ fn regions(
         .map(|face| registration.nearest_vertex(scan.corners(face).into_iter().sum::<Vec3>() / 3.0))
         .collect();
     let scan_faces = |wanted: &dyn Fn(usize) -> bool| -> Vec<u32> {
-        (0..scan.faces.len()).filter(|face| wanted(nearest[*face])).map(|face| face as u32).collect()
+        (0..scan.faces.len() as u32).filter(|face| wanted(nearest[*face as usize]) && is_skin(*face)).collect()
     };
     let is_registered =
         |part: Part| settings.hand_supervision == HandSupervision::Registration && skeleton.role(part) == Role::Hands;
@@ -145,6 +151,7 @@ mod tests {
 
     use super::*;
     use crate::data::{Capture, Split};
+    use crate::mesh::Colouring;
     use crate::synthetic::BuiltInSubject;
     use crate::train::supervision::PreparedFrame;
 
@@ -166,5 +173,28 @@ mod tests {
         let [left, right] = points_of_hands(&[]);
         assert!(left > 0 && right > 0);
         assert_eq!(points_of_hands(&["left_hand"]), [0, right]);
+    }
+
+    // A cube of two centimetres in the chest.
+    #[test]
+    fn nothing_is_drawn_of_a_cavity_deep_in_the_body() {
+        let subject = BuiltInSubject::new().unwrap();
+        let config = Config::preset("fast").unwrap();
+        let mut frame = subject.frame(Split::Train, 0, 4).unwrap();
+        let pose = subject.model().resolve(&frame.parameters).unwrap();
+        let chest = subject.model().pose(&pose).unwrap().joints[subject.model().skeleton().joint("spine2").unwrap()];
+        let first = frame.scan.vertices.len() as u32;
+        let corner = |at: u32| Vec3::new((at & 1) as f32, (at >> 1 & 1) as f32, (at >> 2) as f32) - 0.5;
+        frame.scan.vertices.extend((0..8).map(|at| chest + 0.02 * corner(at)));
+        for [a, b, c, d] in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
+            frame.scan.faces.extend([[a, b, c], [a, c, d]].map(|face| face.map(|corner: u32| first + corner)));
+        }
+        (frame.scan.normals, frame.scan.colouring) = (None, Colouring::None);
+        let capture = Capture::Scan(Box::new(frame));
+        let prepared = PreparedFrame::new(capture, subject.model(), subject.part_labels(), &config).unwrap();
+        let near = chest - pose.translation;
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let drawn = |_| prepared.supervision.draw(&config, &mut random).on_points;
+        assert!((0..20).flat_map(drawn).all(|point| Vec3::from_array(point).distance(near) > 0.02));
     }
 }
