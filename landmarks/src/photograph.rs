@@ -151,7 +151,7 @@ impl Photograph<'_> {
     /// The median of the person's depths around a place in the picture, if there are enough.
     fn depth_at(&self, at: Vec2) -> Option<f32> {
         let (width, height) = (i64::from(self.camera.width), i64::from(self.camera.height));
-        let [column, row] = at.to_array().map(|along| along.floor() as i64);
+        let [column, row] = at.is_finite().then(|| at.to_array().map(|along| i64::from(along.floor() as i32)))?;
         let around =
             (-AROUND..=AROUND).flat_map(|down| (-AROUND..=AROUND).map(move |right| (column + right, row + down)));
         let inside = around.filter(|(column, row)| (0..width).contains(column) && (0..height).contains(row));
@@ -164,4 +164,52 @@ impl Photograph<'_> {
 
 fn deep(name: &str) -> f32 {
     DEEP.iter().find(|(kind, _)| name.ends_with(kind)).map_or(0.0, |(_, deep)| *deep)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NAME: &str = "left_wrist";
+
+    /// What is found at a place of a picture in which a wall stands 2 m away, but for a hand 1.5 m away, in the columns from 20 on, and for
+    /// columns from 40 on, where nothing was measured.
+    fn found(at: Vec2, of_limb: Option<f32>) -> Option<Landmark> {
+        let (width, height) = (60, 30);
+        let camera = PinholeCamera {
+            width,
+            height,
+            fx: 50.0,
+            fy: 50.0,
+            cx: 30.0,
+            cy: 15.0,
+            rotation: glam::Mat3::IDENTITY,
+            translation: glam::Vec3::ZERO,
+        };
+        let depth = |column: u32| match column {
+            0..20 => Some(2.0),
+            20..40 => Some(1.5),
+            _ => None,
+        };
+        let depth: Vec<Option<f32>> = (0..width * height).map(|pixel| depth(pixel % width)).collect();
+        let colour = RgbImage::new(width, height);
+        let photograph = Photograph { colour: &colour, depth: &depth, camera: &camera };
+        photograph.landmark(NAME, Spot { at, sure: 0.5 }, deep(NAME), of_limb)
+    }
+
+    #[test]
+    fn a_joint_lies_under_what_is_measured_where_it_is_seen() {
+        let wrist = found(Vec2::new(30.0, 15.0), Some(1.52)).unwrap();
+        assert!(wrist.place.abs_diff_eq(DVec3::new(0.0, 0.0, 1.525), 1e-6), "{}", wrist.place);
+        assert_eq!((wrist.name.as_str(), wrist.confidence), (NAME, 0.5 * ALONE));
+    }
+
+    #[test]
+    fn what_is_hidden_or_not_measured_is_no_landmark() {
+        assert!(found(Vec2::new(10.0, 15.0), None).is_some());
+        assert_eq!(found(Vec2::new(10.0, 15.0), Some(1.5)), None, "behind something else than its hand");
+        for beside in [Vec2::new(45.0, 15.0), Vec2::new(-3.0, 4.0), Vec2::new(30.0, 1e9), Vec2::new(f32::NAN, 0.0)] {
+            assert_eq!(found(beside, None), None, "{beside}");
+        }
+    }
 }

@@ -255,11 +255,12 @@ fn poses_of_another_program_are_tried_as_starts_and_have_to_be_of_the_frames() {
     assert!(errors.iter().all(|error| *error < 8.0), "{errors:?}");
 
     let none = folder.path().join("none");
-    let with = |start: &Path| [&register[..], &[text(&none), "--start", text(start)]].concat();
-    let few = motion(FRAMES - 1, "few.npz");
-    assert_outcome(&with(&few), 1, &["few.npz", "3 poses", "4 frames of train/Take1"]);
-    assert_outcome(&with(&folder.path().join("nothing.npz")), 1, &["nothing.npz", "a motion"]);
-    assert_outcome(&with(&landmarks), 1, &["landmarks.json", "docs/motion.md"]);
+    let refused = |start: &Path, words: &[&str]| {
+        assert_outcome(&[&register[..], &[text(&none), "--start", text(start), "--resume"]].concat(), 1, words);
+    };
+    refused(&motion(FRAMES - 1, "few.npz"), &["few.npz", "3 poses", "4 frames of train/Take1"]);
+    refused(&folder.path().join("nothing.npz"), &["nothing.npz", "a motion"]);
+    refused(&landmarks, &["landmarks.json", "docs/motion.md"]);
 }
 
 /// A .npy file of numbers.
