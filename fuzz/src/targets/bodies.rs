@@ -2,14 +2,10 @@
 
 use std::path::Path;
 
-use glam::Vec3;
 use xavatar::body::{BodyModel, Coefficients};
 use xavatar::formats::{Array, ArrayData, ArrayFile, ArrayMap, npy_bytes, parse_npy};
 use xavatar::learned::blsm::{BlsmBody, FleshedBody};
-use xavatar::learned::descent::Descent;
 use xavatar::learned::feet::Feet;
-use xavatar::learned::spiral::{AutodecoderTraining, levels};
-use xavatar::mesh::TriangleMesh;
 
 /// What stands between arrays: npy files, each after a line with its name.
 const BETWEEN: &[u8] = b"|NPY";
@@ -55,29 +51,8 @@ pub(super) fn blsm(bytes: &[u8]) -> bool {
     })
 }
 
-/// One with shapes, and one whose flesh a network makes, of an octahedron.
 pub(super) fn blsm_seeds() -> Vec<Vec<u8>> {
-    let Some(model) = smallest_smpl() else { return Vec::new() };
-    let linear = BlsmBody::of(&model).to_arrays();
-    let corners = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
-    let sides = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
-    let mesh = TriangleMesh { vertices: corners.to_vec(), faces: sides.to_vec(), ..TriangleMesh::default() };
-    let flesh = |scale: f64| corners.iter().map(|corner| corner.as_dvec3() * scale).collect();
-    let spiral = || {
-        let training = AutodecoderTraining::new(levels(&mesh, &[2])?, &[flesh(0.1), flesh(0.2)], 1, 0)?;
-        Descent::new(&training, 0)?.epoch(&training)?;
-        let body = BlsmBody {
-            template: corners.iter().map(|corner| corner.as_dvec3()).collect(),
-            faces: sides.to_vec(),
-            weights: vec![vec![(0, 1.0)]; corners.len()],
-            shape_basis: Vec::new(),
-            ..BlsmBody::of(&model)
-        };
-        let mut arrays = body.to_arrays();
-        arrays.extend(training.finished()?.0.to_arrays()?);
-        xavatar::Result::Ok(arrays)
-    };
-    [Some(linear), spiral().ok()].into_iter().flatten().map(|arrays| together(&arrays)).collect()
+    smallest_smpl().map(|model| together(&BlsmBody::of(&model).to_arrays())).into_iter().collect()
 }
 
 /// Feet beside the body that they are of.
