@@ -55,9 +55,7 @@ fn frames(
 ) -> Result<[Vec<RgbdFiles>; 2]> {
     let mut frames = [Vec::new(), Vec::new()];
     for sequence in &layout.sequences {
-        let bodies = folder.join(&sequence.folder).join(&sequence.bodies);
-        let motion = read(&bodies)?;
-        frames[sequence.split as usize].extend(frames_of_sequence(folder, layout, sequence, motion.as_ref())?);
+        frames[sequence.split as usize].extend(frames_of_sequence(folder, layout, sequence, &read)?);
     }
     for frames in &mut frames {
         frames.sort_by(|one: &RgbdFiles, other| one.id.cmp(&other.id));
@@ -73,14 +71,16 @@ fn frames_of_sequence(
     subject: &Path,
     layout: &Layout,
     sequence: &Sequence,
-    motion: Option<&Motion>,
+    read: &impl Fn(&Path) -> Result<Option<Motion>>,
 ) -> Result<Vec<RgbdFiles>> {
     let folder = subject.join(&sequence.folder);
     let pictures = find_pictures(&folder, sequence)?;
+    let bodies = folder.join(&sequence.bodies);
+    let motion = read(&bodies)?;
     let intrinsics = intrinsics(subject, layout)?;
-    let rows = match motion {
+    let rows = match &motion {
         Some(motion) => rows(&pictures, motion.frames.len()).ok_or_else(|| Error::Mismatch {
-            path: folder.join(&sequence.bodies),
+            path: bodies,
             found: format!("{} registered bodies", motion.frames.len()),
             expected: format!("one for each of the {} frames in {}", pictures.frames.len(), folder.display()),
             remedy: "register every frame, or remove the pictures of the others".into(),
@@ -108,7 +108,7 @@ fn frames_of_sequence(
         camera_row,
         pixel_origin: layout.pixel_origin,
         intrinsics,
-        registration: motion.map(|motion| RegistrationFile::Read(Box::new(motion.frames[row].clone()))),
+        registration: motion.as_ref().map(|motion| RegistrationFile::Read(Box::new(motion.frames[row].clone()))),
     };
     Ok(pictures.frames.into_iter().zip(rows).zip(cameras).map(frame).collect())
 }

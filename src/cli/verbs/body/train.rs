@@ -164,10 +164,11 @@ impl Train {
             meshes.update(path.as_os_str().as_encoded_bytes());
             meshes.update(&std::fs::metadata(path).with_context(|| path.display().to_string())?.len().to_le_bytes());
         }
-        let Self { kind, identity, codes, correctives, keep_weights, ground, .. } = self;
+        let [kind, identity, correctives] = [named(self.kind), named(self.identity), named(Some(self.correctives))];
+        let (codes, ground, keep_weights) = (number(self.codes), number(self.ground), self.keep_weights);
         Ok(format!(
-            "{} registrations of {} people ({:08x})\nbody {:08x}\nkind {kind:?}\nidentity {identity:?}\ncodes {codes:?}\n\
-             correctives {correctives:?}\nkeep weights {keep_weights}\nground {ground:?}\n",
+            "{} registrations of {} people ({:08x})\nbody {:08x}\n--kind {kind}\n--identity {identity}\n--codes {codes}\n\
+             --correctives {correctives}\n--keep-weights {keep_weights}\n--ground {ground}\n",
             registrations.frames(),
             registrations.subjects.len(),
             meshes.sum(),
@@ -260,4 +261,14 @@ impl fmt::Display for Trained<'_> {
             false => writeln!(formatter, "the template is not its own mirror image: no symmetry was asked for"),
         }
     }
+}
+
+/// An argument's value as it is typed.
+fn named(value: Option<impl ValueEnum>) -> String {
+    let value = value.and_then(|value| value.to_possible_value());
+    value.map_or("by default".into(), |value| value.get_name().to_owned())
+}
+
+fn number(value: Option<impl std::fmt::Display>) -> String {
+    value.map_or("by default".into(), |value| value.to_string())
 }
