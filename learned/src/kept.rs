@@ -1,6 +1,6 @@
 //! What a training that takes minutes keeps while it goes on: stopped or killed anywhere, it is gone on with and ends with the same bits.
 //!
-//! A folder with a file of arrays a part, each written whole, at most every [`EVERY`], and a line for each thing that the training depends on. It is gone when
+//! A folder with a file of arrays a part, each written whole, at most every ten seconds, and a line for each thing that the training depends on. It is gone when
 //! the training is done.
 
 use std::io::Write;

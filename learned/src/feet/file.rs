@@ -46,7 +46,7 @@ impl Feet {
     /// The feet of a body of the same file; `path` is named in errors.
     ///
     /// # Errors
-    /// [`Error::Malformed`] naming the array that is missing, has another shape, or holds numbers that cannot be.
+    /// [`Error::Malformed`](xavatar_formats::Error::Malformed) naming the array that is missing, has another shape, or holds numbers that cannot be.
     pub fn from_arrays(path: &Path, arrays: &ArrayMap, model: &BodyModel) -> Result<Self> {
         let mut parameters = Parameters::new(0, DType::F32);
         let file = NamedArrays { path, arrays, format: "file of a body's feet" };
