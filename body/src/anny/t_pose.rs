@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 
 use super::joints::{self, SIDES};
 use super::rig::Rig;
-use crate::imported::{Arm, Finger, PELVIS, leg_turn};
+use crate::imported::{Arm, Finger, PELVIS, TurnedBones, leg_turn};
 
 /// Metres in the base mesh's unit.
 pub(super) const METRES: f64 = 0.1;
@@ -18,9 +18,8 @@ const FINGERS: [usize; 4] = [2, 3, 4, 5];
 
 /// What turns a shaped mesh to the T-pose.
 pub(super) struct TPose {
-    /// Of each bone: turn, then shift, decimetres.
-    turns: Vec<DQuat>,
-    shifts: Vec<DVec3>,
+    /// Decimetres.
+    bones: TurnedBones,
     /// SMPL-X's joints in it (55), metres.
     pub joints: Vec<DVec3>,
 }
@@ -28,44 +27,31 @@ pub(super) struct TPose {
 impl TPose {
     pub fn of(rig: &Rig, vertices: &[DVec3]) -> Self {
         let heads = rig.heads(vertices);
-        let turns = turns(rig, &heads, &rig.tails(vertices));
-        let mut places: Vec<DVec3> = Vec::with_capacity(heads.len());
-        for (bone, head) in heads.iter().enumerate() {
-            places.push(match rig.bones[bone].parent {
-                None => *head,
-                Some(parent) => places[parent] + turns[parent] * (*head - heads[parent]),
-            });
-        }
-        let joints = joints::positions(rig, &places);
-        let origin = joints[0] - PELVIS / METRES;
-        let shift = |((place, turn), head): ((&DVec3, &DQuat), &DVec3)| *place - *turn * *head - origin;
-        Self {
-            shifts: places.iter().zip(&turns).zip(&heads).map(shift).collect(),
-            joints: joints.iter().map(|joint| (*joint - origin) * METRES).collect(),
-            turns,
-        }
+        let own = own_turns(rig, &heads, &rig.tails(vertices));
+        let bones = TurnedBones::new(|bone| rig.bones[bone].parent, &heads, &own);
+        let pelvis = joints::positions(rig, &bones.heads)[0];
+        let bones = bones.moved(PELVIS / METRES - pelvis);
+        let joints = joints::positions(rig, &bones.heads).into_iter().map(|joint| joint * METRES).collect();
+        Self { bones, joints }
     }
 
     /// The mesh in the T-pose, metres.
     pub fn skinned(&self, rig: &Rig, vertices: &[DVec3]) -> Vec<DVec3> {
-        let moved = |(vertex, row): (&DVec3, &Vec<(usize, f64)>)| {
-            let by_bone = row.iter().map(|(bone, weight)| (self.turns[*bone] * *vertex + self.shifts[*bone]) * *weight);
-            by_bone.sum::<DVec3>() * METRES
-        };
+        let moved =
+            |(vertex, row): (&DVec3, &Vec<(usize, f64)>)| self.bones.skinned(*vertex, row.iter().copied()) * METRES;
         vertices.iter().zip(&rig.weights).map(moved).collect()
     }
 
     /// Offsets of the mesh, turned along, metres.
     pub fn turned(&self, rig: &Rig, offsets: &[DVec3]) -> Vec<DVec3> {
-        let moved = |(offset, row): (&DVec3, &Vec<(usize, f64)>)| {
-            row.iter().map(|(bone, weight)| self.turns[*bone] * *offset * *weight).sum::<DVec3>() * METRES
-        };
+        let moved =
+            |(offset, row): (&DVec3, &Vec<(usize, f64)>)| self.bones.linear(row.iter().copied()) * *offset * METRES;
         offsets.iter().zip(&rig.weights).map(moved).collect()
     }
 }
 
-/// How each bone is turned in the world; one that is not told follows its parent.
-fn turns(rig: &Rig, heads: &[DVec3], tails: &[DVec3]) -> Vec<DQuat> {
+/// How bones are turned in the world, those that are told.
+fn own_turns(rig: &Rig, heads: &[DVec3], tails: &[DVec3]) -> Vec<Option<DQuat>> {
     let mut own: Vec<Option<DQuat>> = vec![None; heads.len()];
     for (side, _) in SIDES {
         let sign = if side == "L" { 1.0 } else { -1.0 };
@@ -106,10 +92,5 @@ fn turns(rig: &Rig, heads: &[DVec3], tails: &[DVec3]) -> Vec<DQuat> {
         put("upperleg01", leg_turn(head("foot") - head("upperleg01"), sign));
         put("foot", DQuat::IDENTITY);
     }
-    let mut turns: Vec<DQuat> = Vec::with_capacity(own.len());
-    for (bone, own) in own.iter().enumerate() {
-        let inherited = rig.bones[bone].parent.map_or(DQuat::IDENTITY, |parent| turns[parent]);
-        turns.push(own.unwrap_or(inherited));
-    }
-    turns
+    own
 }

@@ -10,7 +10,7 @@ mod turns;
 use glam::DVec3;
 
 pub(crate) use self::directions::{Direction, Directions};
-pub(crate) use self::turns::{Arm, Finger, leg_turn};
+pub(crate) use self::turns::{Arm, Finger, TurnedBones, leg_turn};
 use crate::smplx;
 use xavatar_formats::{Array, ArrayData, ArrayMap};
 

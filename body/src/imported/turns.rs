@@ -1,4 +1,5 @@
-//! How limbs turn from the pose that a body was made in to SMPL-X's T-pose: arms along x, palms down, fingers straight, legs vertical.
+//! How limbs turn from the pose that a body was made in to SMPL-X's T-pose: arms along x, palms down, fingers straight, legs vertical; and where
+//! that takes what hangs on them.
 //!
 //! All turns are in the world, from one pose to the other.
 
@@ -75,6 +76,58 @@ impl ArmTurns {
 pub(crate) fn leg_turn(leg: DVec3, sign: f64) -> DQuat {
     let apart = (leg.x * sign).atan2(-leg.y) - STANCE.to_radians();
     DQuat::from_rotation_z(-sign * apart)
+}
+
+/// Bones of a tree that were turned and hang together.
+pub(crate) struct TurnedBones {
+    pub turns: Vec<DQuat>,
+    /// What is added after the turn.
+    shifts: Vec<DVec3>,
+    /// Where the bones begin.
+    pub heads: Vec<DVec3>,
+}
+
+impl TurnedBones {
+    /// Of bones that began at `heads`; their parents come before them. A bone without a turn of its `own` follows its parent, and roots stay where they are.
+    pub fn new(parents: impl Fn(usize) -> Option<usize>, heads: &[DVec3], own: &[Option<DQuat>]) -> Self {
+        let count = heads.len();
+        let mut bones = Self {
+            turns: Vec::with_capacity(count),
+            shifts: Vec::with_capacity(count),
+            heads: Vec::with_capacity(count),
+        };
+        for bone in 0..count {
+            let (turn, head) = match parents(bone) {
+                None => (DQuat::IDENTITY, heads[bone]),
+                Some(parent) => (bones.turns[parent], bones.place(heads[bone], parent)),
+            };
+            let turn = own[bone].unwrap_or(turn);
+            bones.turns.push(turn);
+            bones.shifts.push(head - turn * heads[bone]);
+            bones.heads.push(head);
+        }
+        bones
+    }
+
+    /// All of them moved along.
+    pub fn moved(mut self, by: DVec3) -> Self {
+        self.shifts.iter_mut().chain(&mut self.heads).for_each(|place| *place += by);
+        self
+    }
+
+    fn place(&self, point: DVec3, bone: usize) -> DVec3 {
+        self.turns[bone] * point + self.shifts[bone]
+    }
+
+    /// Where a point goes that follows bones with these weights.
+    pub fn skinned(&self, point: DVec3, weights: impl IntoIterator<Item = (usize, f64)>) -> DVec3 {
+        weights.into_iter().map(|(bone, weight)| self.place(point, bone) * weight).sum()
+    }
+
+    /// What becomes of offsets there.
+    pub fn linear(&self, weights: impl IntoIterator<Item = (usize, f64)>) -> DMat3 {
+        weights.into_iter().map(|(bone, weight)| DMat3::from_quat(self.turns[bone]) * weight).sum()
+    }
 }
 
 /// The smallest turn from one direction to another; none where there is no direction.

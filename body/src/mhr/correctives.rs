@@ -93,7 +93,7 @@ impl Network {
 
     /// The correctives of a rig that was made with its joints (J) where `made` has them, in SMPL-X's terms.
     pub fn linear(&self, rig: &Rig, made: &[Similarity], pose: &TPose) -> LinearCorrectives {
-        let at_rest = self.activations(&rig.own_turns(made, &pose.turns));
+        let at_rest = self.activations(&rig.own_turns(made, pose.turns()));
         let mut random = ChaCha8Rng::seed_from_u64(0);
         let [fitted, measured] = [FITTED, MEASURED].map(|count| {
             let drawn: Vec<Vec<DQuat>> = (0..count).map(|_| drawn(&mut random)).collect();
@@ -101,7 +101,7 @@ impl Network {
                 .par_iter()
                 .map(|local| {
                     let world: Vec<DQuat> =
-                        in_world(local).into_iter().zip(&pose.turns).map(|(turn, made)| turn * *made).collect();
+                        in_world(local).into_iter().zip(pose.turns()).map(|(turn, made)| turn * *made).collect();
                     let units = self.activations(&rig.own_turns(made, &world));
                     units.into_iter().zip(&at_rest).map(|(unit, rest)| unit - rest).collect()
                 })

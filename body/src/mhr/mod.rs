@@ -28,7 +28,7 @@ use self::person::Person;
 use self::rig::Similarity;
 use self::t_pose::{METRES, TPose};
 use crate::anny::Measures;
-use crate::imported::{Assembled, Directions, POSE_FEATURES, TPosedBody, collapsed_weights};
+use crate::imported::{Assembled, Directions, PELVIS, POSE_FEATURES, TPosedBody, collapsed_weights};
 use crate::{Pose, PoseAxisAngle, smplx};
 use xavatar_formats::{ArrayMap, Result};
 use xavatar_mesh::TriangleMesh;
@@ -98,13 +98,12 @@ fn imported(body: &Body, person: Option<&Person>) -> Imported {
         ..TriangleMesh::default()
     };
     let measures = Measures::of_mesh(&mesh);
-    let pelvis = pose.joints[smplx::joint::PELVIS];
-    let posed = person.map(|person| posed(&rig.posed(&person.parameters), &made, &pose, pelvis));
+    let posed = person.map(|person| posed(&rig.posed(&person.parameters), &made, &pose));
     let of_smplx = TPosedBody {
         template,
         faces: mesh.faces,
         weights,
-        joints: pose.joints,
+        joints: pose.joints(),
         directions: Directions { shapes, expressions },
         correctives: Some(directions),
     };
@@ -132,11 +131,11 @@ fn turn_rows(directions: &mut [f32], turns: &[DMat3]) {
 }
 
 /// A pose of SMPL-X's joints from MHR's joints in the world, in a pose and as they were `made`.
-fn posed(joints: &[Similarity], made: &[Similarity], pose: &TPose, pelvis: DVec3) -> Pose {
+fn posed(joints: &[Similarity], made: &[Similarity], pose: &TPose) -> Pose {
     let at = &joints::map().at;
     let world: Vec<DQuat> = at
         .iter()
-        .zip(&pose.turns)
+        .zip(pose.turns())
         .map(|(joint, turn)| joints[*joint].turn * (*turn * made[*joint].turn).inverse())
         .collect();
     let parents = &smplx::skeleton().parents;
@@ -145,7 +144,7 @@ fn posed(joints: &[Similarity], made: &[Similarity], pose: &TPose, pelvis: DVec3
     let place = joints[at[smplx::joint::PELVIS]].shift * METRES;
     Pose {
         rotations: local.map(|turn| PoseAxisAngle(turn.to_scaled_axis().as_vec3())).collect(),
-        translation: (place - pelvis).as_vec3(),
+        translation: (place - PELVIS).as_vec3(),
         ..Pose::default()
     }
 }

@@ -3,7 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::joints::map;
-use crate::imported::{Arm, Finger, PELVIS, leg_turn};
+use crate::imported::{Arm, Finger, PELVIS, TurnedBones, leg_turn};
 use crate::smplx;
 
 /// Metres in a centimetre.
@@ -15,50 +15,42 @@ const FINGERS: [&str; 4] = ["index", "middle", "ring", "pinky"];
 
 /// What turns a body to the T-pose.
 pub(super) struct TPose {
-    /// Of each of SMPL-X's joints in the world (55).
-    pub turns: Vec<DQuat>,
-    /// What is added after the turn, centimetres (55).
-    shifts: Vec<DVec3>,
-    /// Where the joints are in the T-pose (55), metres.
-    pub joints: Vec<DVec3>,
+    /// SMPL-X's joints (55), centimetres.
+    bones: TurnedBones,
 }
 
 impl TPose {
     /// For MHR's joints (127) at these places, centimetres.
     pub fn of(places: &[DVec3]) -> Self {
         let heads: Vec<DVec3> = map().at.iter().map(|joint| places[*joint]).collect();
-        let turns = turns(places, &heads);
-        let parents = &smplx::skeleton().parents;
-        let mut turned: Vec<DVec3> = Vec::with_capacity(heads.len());
-        for (joint, head) in heads.iter().enumerate() {
-            turned.push(match parents[joint] {
-                None => PELVIS / METRES,
-                Some(parent) => turned[parent] + turns[parent] * (*head - heads[parent]),
-            });
-        }
-        let shift = |((place, turn), head): ((&DVec3, &DQuat), &DVec3)| *place - *turn * *head;
-        Self {
-            shifts: turned.iter().zip(&turns).zip(&heads).map(shift).collect(),
-            joints: turned.iter().map(|joint| *joint * METRES).collect(),
-            turns,
-        }
+        let own = own_turns(places, &heads);
+        let bones = TurnedBones::new(|joint| smplx::skeleton().parents[joint], &heads, &own);
+        Self { bones: bones.moved(PELVIS / METRES - heads[smplx::joint::PELVIS]) }
+    }
+
+    /// How the joints are turned in the world (55).
+    pub fn turns(&self) -> &[DQuat] {
+        &self.bones.turns
+    }
+
+    /// Where the joints are (55), metres.
+    pub fn joints(&self) -> Vec<DVec3> {
+        self.bones.heads.iter().map(|joint| *joint * METRES).collect()
     }
 
     /// Where a vertex with weights of the joints (55) goes, metres.
     pub fn place(&self, vertex: DVec3, weights: &[f64]) -> DVec3 {
-        let by_joint = self.turns.iter().zip(&self.shifts).zip(weights);
-        by_joint.map(|((turn, shift), weight)| (*turn * vertex + *shift) * *weight).sum::<DVec3>() * METRES
+        self.bones.skinned(vertex, weights.iter().copied().enumerate()) * METRES
     }
 
     /// How an offset of a vertex with weights of the joints (55) is turned and made metres.
     pub fn linear(&self, weights: &[f64]) -> DMat3 {
-        let by_joint = self.turns.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
-        by_joint.map(|(turn, weight)| DMat3::from_quat(*turn) * (*weight * METRES)).sum()
+        self.bones.linear(weights.iter().copied().enumerate().filter(|(_, weight)| *weight > 0.0)) * METRES
     }
 }
 
-/// How each of SMPL-X's joints is turned in the world; one that is not told follows its parent.
-fn turns(places: &[DVec3], heads: &[DVec3]) -> Vec<DQuat> {
+/// How SMPL-X's joints are turned in the world, those that are told.
+fn own_turns(places: &[DVec3], heads: &[DVec3]) -> Vec<Option<DQuat>> {
     let skeleton = smplx::skeleton();
     let mut own: Vec<Option<DQuat>> = vec![None; heads.len()];
     for (side, letter, sign) in [("left", 'l', 1.0), ("right", 'r', -1.0)] {
@@ -89,10 +81,5 @@ fn turns(places: &[DVec3], heads: &[DVec3]) -> Vec<DQuat> {
         put("hip", leg_turn(head("ankle") - head("hip"), sign));
         put("ankle", DQuat::IDENTITY);
     }
-    let mut turns: Vec<DQuat> = Vec::with_capacity(own.len());
-    for (joint, own) in own.iter().enumerate() {
-        let inherited = skeleton.parents[joint].map_or(DQuat::IDENTITY, |parent| turns[parent]);
-        turns.push(own.unwrap_or(inherited));
-    }
-    turns
+    own
 }

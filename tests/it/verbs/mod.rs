@@ -11,4 +11,5 @@ mod render;
 mod rgbd;
 mod runs;
 mod tool;
+mod truth;
 mod view;

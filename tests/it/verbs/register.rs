@@ -12,49 +12,24 @@ use xavatar::register::landmarks::{LANDMARKS_FILE, LandmarkFiles};
 use xavatar::synthetic::BuiltInSubject;
 
 use super::tool::{assert_outcome, data, text};
+use super::truth::{self, SEEN};
 
 /// Frames of the take.
 const FRAMES: usize = 4;
-/// The joints that landmarks are given of.
-const SEEN: [&str; 16] = [
-    "pelvis",
-    "left_hip",
-    "right_hip",
-    "left_knee",
-    "right_knee",
-    "left_ankle",
-    "right_ankle",
-    "neck",
-    "head",
-    "left_shoulder",
-    "right_shoulder",
-    "left_elbow",
-    "right_elbow",
-    "left_wrist",
-    "right_wrist",
-    "left_eye",
-];
-
 /// Bare scans in millimetres, in a folder of one sequence, and landmarks that are up to 15 mm off.
 fn scans() -> (TempDir, PathBuf, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let take = folder.path().join("scans/Take1");
     fs::create_dir_all(&take).unwrap();
     let subject = BuiltInSubject::new().unwrap();
-    let joints = &subject.model().skeleton().joints;
     let mut frames = serde_json::Map::new();
     for index in 0..FRAMES {
         let frame = subject.frame(Split::Train, index, FRAMES).unwrap();
         let mut scan = frame.scan;
         scan.vertices.iter_mut().for_each(|vertex| *vertex *= 1000.0);
         write_obj(take.join(format!("scan_{:03}.obj", index + 1)), &scan).unwrap();
-        let posed = subject.model().pose(&subject.model().resolve(&frame.parameters).unwrap()).unwrap();
-        let rows = SEEN.iter().enumerate().map(|(place, name)| {
-            let joint = posed.joints[joints.iter().position(|joint| joint == name).unwrap()] * 1000.0;
-            let off = |axis: usize| 15.0 * ((place * 7 + index * 3 + axis * 5) as f32).sin();
-            serde_json::json!([joint.x + off(0), joint.y + off(1), joint.z + off(2), 1.0])
-        });
-        frames.insert(format!("Take1/f{:05}", index + 1), rows.collect());
+        let rows = truth::landmarks(&subject, &frame.parameters, index, &SEEN, (0.015, 1000.0));
+        frames.insert(format!("Take1/f{:05}", index + 1), rows);
     }
     let landmarks = folder.path().join("landmarks.json");
     fs::write(&landmarks, serde_json::json!({ "names": SEEN, "frames": frames }).to_string()).unwrap();
@@ -64,16 +39,11 @@ fn scans() -> (TempDir, PathBuf, PathBuf) {
 
 /// Of each frame, the mean distance between the registered body's vertices and the true one's, millimetres.
 fn errors(data: &Path) -> Vec<f32> {
-    let truth = BuiltInSubject::new().unwrap();
-    let body = truth.model();
-    let subject = Subject::open(data).unwrap().settled(body).unwrap();
+    let known = BuiltInSubject::new().unwrap();
+    let subject = Subject::open(data).unwrap().settled(known.model()).unwrap();
     let error = |(index, files): (usize, _)| {
         let frame = read_frame(files, &subject.betas).unwrap();
-        let expected = truth.parameters(Split::Train, index, FRAMES).unwrap().into();
-        let [found, expected] = [&frame.parameters, &expected]
-            .map(|parameters| body.pose(&body.resolve(parameters).unwrap()).unwrap().vertices);
-        1e3 * found.iter().zip(&expected).map(|(found, expected)| found.distance(*expected)).sum::<f32>()
-            / found.len() as f32
+        truth::error(&known, &frame.parameters, index, FRAMES)
     };
     subject.train.iter().enumerate().map(error).collect()
 }

@@ -13,44 +13,20 @@ use xavatar::mesh::camera::PinholeCamera;
 use xavatar::synthetic::{BuiltInSubject, film};
 
 use super::tool::{TINY, assert_outcome, data, text};
+use super::truth::{self, SEEN};
 
 /// Frames of the take.
 const FRAMES: usize = 4;
-/// The joints that landmarks are given of.
-const SEEN: [&str; 15] = [
-    "left_hip",
-    "right_hip",
-    "left_knee",
-    "right_knee",
-    "left_ankle",
-    "right_ankle",
-    "neck",
-    "head",
-    "left_shoulder",
-    "right_shoulder",
-    "left_elbow",
-    "right_elbow",
-    "left_wrist",
-    "right_wrist",
-    "left_eye",
-];
-
 /// Pictures with masks in a plain folder that says nothing of bodies, and landmarks that are up to 10 mm off.
 fn pictures() -> (TempDir, PathBuf, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let pictures = folder.path().join("pictures");
     let subject = BuiltInSubject::new().unwrap();
-    let joints = &subject.model().skeleton().joints;
     let mut landmarks = serde_json::Map::new();
     let picture = |index: usize| -> Result<RgbdFrame> {
         let scan = subject.frame(Split::Train, index, FRAMES)?;
-        let posed = subject.model().pose(&subject.model().resolve(&scan.parameters)?)?;
-        let rows = SEEN.iter().enumerate().map(|(place, name)| {
-            let joint = posed.joints[joints.iter().position(|joint| joint == name).unwrap()];
-            let off = |axis: usize| 0.01 * ((place * 7 + index * 3 + axis * 5) as f32).sin();
-            serde_json::json!([joint.x + off(0), joint.y + off(1), joint.z + off(2), 1.0])
-        });
-        landmarks.insert(scan.id.to_string(), rows.collect());
+        let rows = truth::landmarks(&subject, &scan.parameters, index, &SEEN[1..], (0.01, 1.0));
+        landmarks.insert(scan.id.to_string(), rows);
         let (sin, cos) = (0.6 * index as f32 - 0.9).sin_cos();
         let centre = scan.parameters.translation() + Vec3::Y * 0.1;
         let camera = PinholeCamera::looking_at(centre + 4.0 * Vec3::new(sin, 0.1, cos), centre, 0.55, [300, 400])?;
@@ -69,23 +45,17 @@ fn pictures() -> (TempDir, PathBuf, PathBuf) {
         settings.replace(",\n", ",").replace("[\n", "[").lines().filter(without_body).collect::<Vec<_>>().join("\n");
     fs::write(pictures.join("rgbd.toml"), settings).unwrap();
     let file = folder.path().join("landmarks.json");
-    fs::write(&file, serde_json::json!({ "names": SEEN, "frames": landmarks }).to_string()).unwrap();
+    fs::write(&file, serde_json::json!({ "names": SEEN[1..], "frames": landmarks }).to_string()).unwrap();
     (folder, pictures, file)
 }
 
 /// Of each frame, the mean distance between the registered body's vertices and the true one's, millimetres.
 fn errors(data: &Path) -> Vec<f32> {
-    let truth = BuiltInSubject::new().unwrap();
-    let body = truth.model();
-    let subject = RgbdSubject::open(data).unwrap();
+    let (known, subject) = (BuiltInSubject::new().unwrap(), RgbdSubject::open(data).unwrap());
     let error = |(index, files): (usize, &xavatar::data::RgbdFiles)| {
         let frame = files.read(&subject.betas).unwrap();
         assert!(frame.mask.is_some(), "masks are kept");
-        let expected = truth.parameters(Split::Train, index, FRAMES).unwrap().into();
-        let [found, expected] = [&frame.parameters, &expected]
-            .map(|parameters| body.pose(&body.resolve(parameters).unwrap()).unwrap().vertices);
-        1e3 * found.iter().zip(&expected).map(|(found, expected)| found.distance(*expected)).sum::<f32>()
-            / found.len() as f32
+        truth::error(&known, &frame.parameters, index, FRAMES)
     };
     subject.train.iter().enumerate().map(error).collect()
 }
