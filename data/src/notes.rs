@@ -1,10 +1,9 @@
 //! What reading a subject's scans lost, in as few lines as there are kinds of loss.
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
 
 use xavatar_mesh::{Loss, Note};
-
-use super::FrameId;
 
 /// Notes on many frames by what was lost: the first of each kind, and how many frames have another.
 #[derive(Clone, Debug, Default)]
@@ -21,7 +20,7 @@ struct Kind {
 
 impl FrameNotes {
     /// Adds what is noted of a frame.
-    pub fn add(&mut self, frame: &FrameId, notes: &[Note]) {
+    pub fn add(&mut self, frame: &impl Display, notes: &[Note]) {
         let mut lost: Vec<&Note> = notes.iter().collect();
         lost.sort_by_key(|note| note.lost);
         lost.dedup_by_key(|note| note.lost);
@@ -47,6 +46,7 @@ impl FrameNotes {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::FrameId;
 
     #[test]
     fn each_kind_is_said_once_with_the_number_of_frames() {

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use xavatar_formats::write_atomically;
 use xavatar_formats::{Error, Result, read_text};
-use xavatar_mesh::TriangleMesh;
+use xavatar_mesh::{TriangleMesh, without_surroundings};
 
 const FORMAT: &str = "placement of scans";
 /// Rows of a turn times its transpose differ from the identity by less.
@@ -45,12 +45,14 @@ pub struct ScanPlacement {
     pub origin: Origin,
     /// Whether faces are seen from inside and are to be turned over.
     pub reverse_faces: bool,
+    /// Whether what scans show besides the person, ground and what floats, is left out.
+    pub person_alone: bool,
 }
 
 impl Default for ScanPlacement {
     fn default() -> Self {
         let turn = Mat3::IDENTITY.to_cols_array_2d();
-        Self { scale: 1.0, turn, shift: [0.0; 3], origin: Origin::World, reverse_faces: false }
+        Self { scale: 1.0, turn, shift: [0.0; 3], origin: Origin::World, reverse_faces: false, person_alone: false }
     }
 }
 
@@ -126,6 +128,11 @@ impl ScanPlacement {
     pub(super) fn apply(&self, scan: &mut TriangleMesh, origin: Vec3) {
         if *self == Self::default() {
             return;
+        }
+        if self.person_alone
+            && let Some((person, _)) = without_surroundings(scan)
+        {
+            *scan = person;
         }
         let turn = self.rotation();
         let shift = Vec3::from(self.shift) + origin;

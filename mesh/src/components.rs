@@ -39,7 +39,7 @@ pub(super) fn face_components(mesh: &TriangleMesh) -> FaceComponents {
     FaceComponents { of_face, count: count as usize }
 }
 
-fn root_of(parent: &mut [u32], mut vertex: u32) -> u32 {
+pub(super) fn root_of(parent: &mut [u32], mut vertex: u32) -> u32 {
     while parent[vertex as usize] != vertex {
         let grandparent = parent[parent[vertex as usize] as usize];
         parent[vertex as usize] = grandparent;

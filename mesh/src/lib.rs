@@ -20,6 +20,7 @@ mod ply;
 mod read;
 mod sampling;
 mod surface;
+mod surroundings;
 #[cfg(test)]
 mod testing;
 mod text;
@@ -42,6 +43,7 @@ pub use ply::write_ply;
 pub use read::{MESH_EXTENSIONS, ReadMesh, parse_mesh, read_mesh};
 pub use sampling::SurfaceSampler;
 pub use surface::SurfacePoint;
+pub use surroundings::{Surroundings, without_surroundings};
 pub use texture::encode_png;
 pub use watertight::Topology;
 pub use winding::SolidIndex;

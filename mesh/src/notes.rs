@@ -2,13 +2,13 @@
 
 use std::fmt;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use xavatar_formats::excerpt;
 
 use super::Colouring;
 
 /// Something that a file says, or should say, and that is not in what was read of it.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Note {
     /// What is missing from the result.
     pub lost: Loss,
@@ -17,7 +17,7 @@ pub struct Note {
 }
 
 /// What a reader could not take from a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Loss {
     /// All colours: the mesh has none.
@@ -28,12 +28,15 @@ pub enum Loss {
     Normals,
     /// Faces.
     Faces,
+    /// What a scan shows besides its subject.
+    Surroundings,
     /// Anything else.
     Other,
 }
 
 impl Note {
-    pub(super) fn new(lost: Loss, why: impl Into<String>) -> Self {
+    /// A note that says why.
+    pub fn new(lost: Loss, why: impl Into<String>) -> Self {
         Self { lost, why: why.into() }
     }
 }
@@ -45,6 +48,7 @@ impl fmt::Display for Note {
             Loss::SomeColours => "some colours are lost",
             Loss::Normals => "normals are not used",
             Loss::Faces => "faces are left out",
+            Loss::Surroundings => "what is beside the person is left out",
             Loss::Other => "not read",
         };
         write!(formatter, "{lost}: {}", self.why)

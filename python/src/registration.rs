@@ -51,12 +51,12 @@ pub fn register<'py>(
     let stop = AtomicBool::new(false);
     let mut watch = Watch::new(callback, &stop);
     let registered = py.detach(|| {
-        let scans = Scans::open(&scans, &test)?;
-        let gender = gender.or(scans.gender).unwrap_or_default();
+        let recordings = Recordings::Scans(Scans::open(&scans, &test)?);
+        let gender = gender.or(recordings.gender()).unwrap_or_default();
         let body = body.read(gender)?;
         let landmarks = landmarks.as_deref().map(LandmarkFiles::read).transpose()?;
         let job = Job {
-            recordings: Recordings::Scans(&scans),
+            recordings: &recordings,
             gender,
             body: &body.model,
             labels: &body.labels,

@@ -50,8 +50,7 @@ pub fn train(
 ) -> PyResult<Avatar> {
     let kind = match kind {
         Some(name) => one_of("kind", name, &KINDS)?,
-        None if CapturedSubject::has_only_rgbd(&data) => CaptureKind::Rgbd,
-        None => CaptureKind::Scans,
+        None => CaptureKind::of(&data),
     };
     let accepted = accept.iter().map(|name| name.parse::<Defect>()).collect::<Result<Vec<_>, _>>().or_raise()?;
     let mut values = Vec::new();

@@ -56,8 +56,10 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let package = arguments.iter().skip_while(|argument| *argument != "--models").nth(1);
     let pictures = arguments.iter().skip_while(|argument| *argument != "--rgbd").nth(1);
     let pictures = pictures.map(RgbdPictures::open).transpose()?;
-    let scans = Scans::open(subject, &[])?;
-    let recordings = pictures.as_ref().map_or(Recordings::Scans(&scans), Recordings::Rgbd);
+    let recordings = match pictures {
+        Some(pictures) => Recordings::Rgbd(pictures),
+        None => Recordings::Scans(Scans::open(subject, &[])?),
+    };
     let began = Instant::now();
     let mut phase = "";
     let mut observe = |name: &'static str, _: f64, _: &str| {
@@ -69,13 +71,13 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let run_on = AtomicBool::new(false);
     let landmarks = match package {
         Some(package) => {
-            find_landmarks(recordings, &Models::open(package.as_ref())?, Up::Y, out.as_ref(), &mut observe, &run_on)?
+            find_landmarks(&recordings, &Models::open(package.as_ref())?, Up::Y, out.as_ref(), &mut observe, &run_on)?
         }
         None if is_blind => None,
         None => Some(noisy_landmarks(&truth, &model, &labels, Path::new(out))?),
     };
     let job = Job {
-        recordings,
+        recordings: &recordings,
         gender: truth.gender,
         body: &model,
         labels: &labels,
@@ -95,7 +97,7 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
         Recordings::Rgbd(_) => poses_in_pictures(&RgbdSubject::open(out)?, &model)?,
     };
     for split in [Split::Train, Split::Test] {
-        let frames = compared(&truth, &found, split, recordings, &model, &labels)?;
+        let frames = compared(&truth, &found, split, &recordings, &model, &labels)?;
         if !frames.is_empty() {
             print_errors(&frames, &model, &labels);
             println!("jitter {:.2} mm", jitter(&frames, &model));
@@ -142,7 +144,7 @@ fn compared(
     truth: &Subject,
     found: &BTreeMap<String, Pose>,
     split: Split,
-    recordings: Recordings<'_>,
+    recordings: &Recordings,
     model: &BodyModel,
     labels: &PartLabels,
 ) -> Result<Vec<Compared>> {

@@ -131,7 +131,7 @@ pub(super) fn malformed(path: &Path, place: &str, found: &str, expected: &str) -
 mod tests {
     use super::*;
     use crate::cohort::Stage;
-    use crate::data::Split;
+    use crate::data::{CaptureKind, Split};
 
     fn read(name: &str, text: &str) -> Result<Manifest> {
         let folder = tempfile::tempdir().unwrap();
@@ -172,7 +172,7 @@ mod tests {
         assert_eq!(out, Path::new("study"));
         let [anna, ben] = &subjects[..] else { panic!("{subjects:?}") };
         let steps = |plan: &SubjectPlan| {
-            let config = plan.config(false).unwrap();
+            let config = plan.config(CaptureKind::Scans).unwrap();
             (config.seed, config.schedule.steps)
         };
         assert_eq!((steps(anna), steps(ben)), ((3, 100), (3, 200)));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, preset_for_rgbd};
-use crate::data::{Defect, Split};
+use crate::data::{CaptureKind, Defect, Split};
 use crate::{Error, InputError, Result};
 
 /// A part of the work on a subject.
@@ -95,8 +95,11 @@ impl SubjectPlan {
     ///
     /// # Errors
     /// Those of [`Config::preset_with`].
-    pub fn config(&self, is_rgbd: bool) -> Result<Config> {
-        let preset = if is_rgbd { preset_for_rgbd(&self.preset) } else { &self.preset };
+    pub fn config(&self, kind: CaptureKind) -> Result<Config> {
+        let preset = match kind {
+            CaptureKind::Rgbd => preset_for_rgbd(&self.preset),
+            CaptureKind::Scans => &self.preset,
+        };
         let text = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
         let settings: Vec<_> = self.set.iter().map(|(key, value)| (key.clone(), text(value))).collect();
         Config::preset_with(preset, &settings)
@@ -121,7 +124,7 @@ impl SubjectPlan {
     pub(super) fn training_settings(&self) -> Result<String> {
         Ok(format!(
             "{}accept = {:?}\nregister = {}\n",
-            self.config(false)?.to_toml()?,
+            self.config(CaptureKind::Scans)?.to_toml()?,
             self.accept,
             self.has(Stage::Register)
         ))
@@ -145,7 +148,7 @@ impl SubjectPlan {
 
     pub(super) fn check(&self) -> Result<()> {
         self.accepted()?;
-        self.config(false)?;
+        self.config(CaptureKind::Scans)?;
         if self.resolution < 2 {
             return Err(refused("resolution", self.resolution.to_string(), "2 cells or more"));
         }

@@ -11,7 +11,7 @@ use super::work::Watcher;
 use crate::avatar::Avatar;
 use crate::body::{BodyModel, Gender, PartLabels};
 use crate::config::Config;
-use crate::data::{CaptureKind, CapturedSubject, CheckedFrames, Scans, Source, Subject};
+use crate::data::{CaptureKind, CapturedSubject, CheckedFrames, Source, Subject};
 use crate::export::{Rigging, write_glb};
 use crate::mesh::TriangleMesh;
 use crate::mesh::camera::{PinholeCamera, THREE_QUARTER};
@@ -97,25 +97,28 @@ impl<'a> Stages<'a> {
         if registered.join(REGISTERED_FILE).is_file() { registered } else { self.plan.data.clone() }
     }
 
-    /// Whether there are bodies already, or pictures only. What is wrong with data that are neither is for the training to say.
+    fn kind(&self) -> CaptureKind {
+        CaptureKind::of(&self.plan.data)
+    }
+
+    /// Whether there are bodies already.
     fn needs_no_bodies(&self) -> bool {
-        let data = &self.plan.data;
         self.folder.registered().join(REGISTERED_FILE).is_file()
-            || CapturedSubject::has_only_rgbd(data)
-            || Subject::has_registrations(data)
-            || Scans::open(data, &[]).is_err()
+            || Recordings::without_bodies(&self.plan.data, self.kind()).is_ok_and(|recordings| recordings.is_none())
     }
 
     fn register(&self, stop: &AtomicBool, watcher: &mut dyn Watcher) -> Result<Ended> {
-        let scans = Scans::open(&self.plan.data, &[])?;
-        let gender = scans.gender.unwrap_or(Gender::Neutral);
+        let Some(recordings) = Recordings::without_bodies(&self.plan.data, self.kind())? else {
+            return Ok(Ended::Done);
+        };
+        let gender = recordings.gender().unwrap_or(Gender::Neutral);
         let (body, labels) = body_and_labels(&self.plan.body, gender)?;
         let beside = self.plan.data.join(LANDMARKS);
         let named = self.plan.landmarks.clone().or_else(|| beside.is_file().then_some(beside));
         let landmarks = named.as_deref().map(LandmarkFiles::read).transpose()?;
         let out = self.folder.registered();
         let job = Job {
-            recordings: Recordings::Scans(&scans),
+            recordings: &recordings,
             gender,
             body: &body,
             labels: &labels,
@@ -203,12 +206,11 @@ impl<'a> Stages<'a> {
     }
 
     fn open(&self) -> Result<Opened> {
-        let (data, is_rgbd) = (self.data(), CapturedSubject::has_only_rgbd(&self.plan.data));
-        let kind = if is_rgbd { CaptureKind::Rgbd } else { CaptureKind::Scans };
-        let captured = CapturedSubject::open(&data, kind)?;
+        let kind = self.kind();
+        let captured = CapturedSubject::open(&self.data(), kind)?;
         let (body, labels) = body_and_labels(&self.plan.body, captured.gender())?;
         let source = captured.training(&body)?;
-        Ok(Opened { source, body, labels, config: self.plan.config(is_rgbd)? })
+        Ok(Opened { source, body, labels, config: self.plan.config(kind)? })
     }
 
     /// What a page says that it was made by.

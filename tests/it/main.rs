@@ -2,5 +2,6 @@
 
 mod avatars;
 mod golden;
+mod ground;
 mod readers;
 mod verbs;

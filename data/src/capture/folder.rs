@@ -16,6 +16,15 @@ pub enum CapturedSubject {
     Rgbd(Box<RgbdSubject>),
 }
 
+impl CaptureKind {
+    /// Scans, unless a folder has RGB-D frames and no scan to learn from.
+    #[must_use]
+    pub fn of(folder: &Path) -> Self {
+        let has_scans = || Subject::open(folder).is_ok_and(|subject| subject.has_scans());
+        if RgbdSubject::is_in(folder) && !has_scans() { Self::Rgbd } else { Self::Scans }
+    }
+}
+
 impl CapturedSubject {
     /// Finds the captures of one kind in a subject's folder.
     ///
@@ -26,11 +35,6 @@ impl CapturedSubject {
             CaptureKind::Scans => Self::Scans(Box::new(Subject::open(folder)?)),
             CaptureKind::Rgbd => Self::Rgbd(Box::new(RgbdSubject::open(folder)?)),
         })
-    }
-
-    /// Whether a folder has RGB-D frames and no scan to learn from.
-    pub fn has_only_rgbd(folder: &Path) -> bool {
-        RgbdSubject::is_in(folder) && !Subject::open(folder).is_ok_and(|subject| subject.has_scans())
     }
 
     /// Which body model fits the subject.

@@ -16,6 +16,8 @@ pub enum Defect {
     Unreadable,
     /// A scan that is no surface of a body: too few faces, no area, flat, faces that do not hang together.
     NoSurface,
+    /// Scans that show more than the person: ground, or what floats around.
+    Surroundings,
     /// Scans in another unit than metres.
     Unit,
     /// Scans that are turned against their bodies: another axis up, another side in front.
@@ -64,10 +66,11 @@ pub enum Defect {
 
 impl Defect {
     /// All kinds, the graver first.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 26] = [
         Self::NoFrames,
         Self::Unreadable,
         Self::NoSurface,
+        Self::Surroundings,
         Self::Unit,
         Self::Turned,
         Self::Mirrored,
@@ -99,6 +102,7 @@ impl Defect {
             Self::NoFrames => "no-frames",
             Self::Unreadable => "unreadable",
             Self::NoSurface => "no-surface",
+            Self::Surroundings => "surroundings",
             Self::Unit => "unit",
             Self::Turned => "turned",
             Self::Mirrored => "mirrored",

@@ -14,7 +14,7 @@ use super::surface_points::SurfacePoints;
 use crate::ScanFrame;
 use xavatar_body::{BodyModel, BodyParameters, PosedBody};
 use xavatar_formats::Result;
-use xavatar_mesh::{Colouring, Topology, TriangleMesh};
+use xavatar_mesh::{Colouring, Surroundings, Topology, TriangleMesh, without_surroundings};
 
 /// Points of the scan, seven millimetres apart on a person.
 const SCAN_POINTS: usize = 40_000;
@@ -26,6 +26,9 @@ const LARGEST_FACTOR: f64 = 1e4;
 const UNRELATED: f32 = 0.025;
 /// Of all limbs, those that are off where the scan as a whole is elsewhere, and that may still be when it is placed.
 const ELSEWHERE: f32 = 0.4;
+
+/// Less than this besides the person, by the scan's surface, is let pass.
+const SURROUNDED: f64 = 0.02;
 
 /// Looks at frames of subjects with one body model.
 pub(super) struct Inspector<'a> {
@@ -46,6 +49,8 @@ pub(super) struct Inspection {
 pub(super) enum Observation {
     /// The scan is no surface, and why.
     NoSurface(String),
+    /// The scan shows more than the person; all else is seen without that.
+    Surroundings(Surroundings),
     /// The scan is so many times as large as the body, which no unit explains.
     Size(f64),
     /// The scan is so far from the body, metres.
@@ -103,13 +108,24 @@ impl<'a> Inspector<'a> {
             return seen(vec![Observation::Far(apart)]);
         }
         let mut scan_points = SurfacePoints::new(scan, SCAN_POINTS)?;
+        let body_points = SurfacePoints::new(&body, BODY_POINTS)?;
+        let fits_of = |points: &SurfacePoints| LimbFits::of(points, &body_points, &posed, &self.segments);
+        let mut surroundings = None;
+        if let Some((person, found)) = without_surroundings(scan).filter(|(_, found)| found.share() >= SURROUNDED) {
+            let alone = SurfacePoints::new(&person, SCAN_POINTS)?;
+            // A limb that is loose, beyond a hole, is no surroundings: without it the body fits no better.
+            let off = fits_of(&alone).count_off();
+            if off == 0 || off < fits_of(&scan_points).count_off() {
+                (scan_points, surroundings) = (alone, Some(Observation::Surroundings(found)));
+            }
+        }
         let is_inside_out = self.is_inside_out(&scan_points, &posed, soundness.volume);
         if is_inside_out {
             scan_points.reverse();
         }
-        let body_points = SurfacePoints::new(&body, BODY_POINTS)?;
         let mut observations = self.observe(&scan_points, &body_points, &posed, &frame.unseen_parts)?;
         observations.extend(is_inside_out.then_some(Observation::InsideOut));
+        observations.extend(surroundings);
         seen(observations)
     }
 

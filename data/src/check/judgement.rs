@@ -92,6 +92,9 @@ pub(super) fn judge(looked: &[Looked]) -> Judged {
     } else if all_inside_out && (common.is_none() || judged.mend.is_some()) {
         judged.mend = Some(ScanPlacement { reverse_faces: true, ..judged.mend.unwrap_or_default() });
     }
+    if of_frames.contains_key(&Defect::Surroundings) && (common.is_none() || judged.mend.is_some()) {
+        judged.mend = Some(ScanPlacement { person_alone: true, ..judged.mend.unwrap_or_default() });
+    }
     judged.findings.extend(of_frames.into_iter().map(|(defect, frames)| merged(defect, &frames, looked.len())));
     judged
 }
@@ -105,6 +108,6 @@ fn merged(defect: Defect, frames: &[(&Looked, String)], looked: usize) -> Findin
         let more = if names.len() > NAMED + 1 { ", ..." } else { "" };
         let _ = write!(message, " (also {}{more})", others.join(", "));
     }
-    let choice = (defect == Defect::InsideOut).then_some(Choice::RecordPlacement);
+    let choice = matches!(defect, Defect::InsideOut | Defect::Surroundings).then_some(Choice::RecordPlacement);
     Finding { name: defect, message, frames: names, choice }
 }

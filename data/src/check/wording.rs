@@ -19,6 +19,9 @@ pub(super) fn described(observation: &Observation, looked: &Looked) -> (Defect, 
         Observation::NoSurface(reason) => {
             (Defect::NoSurface, format!("the scan is no surface of a body: {reason}; export it again, or leave it out"))
         }
+        Observation::Surroundings(found) => {
+            (Defect::Surroundings, format!("the scan shows more than the person: {found}; cut it away"))
+        }
         Observation::Size(factor) => {
             (Defect::Unit, format!("the scan is {factor:.1e} times as large as its body, which no unit explains"))
         }

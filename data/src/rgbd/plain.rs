@@ -47,6 +47,12 @@ pub(super) fn pictures(folder: &Path) -> Result<(Option<Gender>, [Vec<RgbdFiles>
     Ok((layout.gender, frames(folder, &layout, |_| Ok(None))?))
 }
 
+/// Whether a sequence has the file, or folder, of its bodies.
+pub(super) fn has_bodies(folder: &Path) -> bool {
+    let has_bodies = |sequence: &Sequence| folder.join(&sequence.folder).join(&sequence.bodies).exists();
+    Layout::read(folder).is_ok_and(|layout| layout.sequences.iter().any(has_bodies))
+}
+
 /// The frames of each split; `read` gives the bodies of a sequence's file.
 fn frames(
     folder: &Path,

@@ -69,7 +69,7 @@ pub(super) fn refuse(path: &Path) -> Result<()> {
         BENCHMARKS.iter().find(|(parts, ..)| parts.iter().all(|part| names.iter().any(|name| name == part)));
     if let Some((_, what, settings)) = benchmark {
         let remedy = format!(
-            "register bodies, and write them beside the pictures with a {} (docs/rgbd.md) of gender, betas, pixel_origin and\n{settings}",
+            "write a {} (docs/rgbd.md) beside them, of pixel_origin and\n{settings}\nand of gender and betas, if bodies are registered to the pictures; else `xavatar register --rgbd` does that",
             Layout::FILE
         );
         return refusal(path, format!("pictures in the layout of {what}"), pictures, remedy);

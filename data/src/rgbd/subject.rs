@@ -92,6 +92,15 @@ impl RgbdSubject {
         folder.join(Self::LAYOUT_FILE).is_file() || xhumans::has_pictures(folder) || recordings::refuse(folder).is_err()
     }
 
+    /// Whether bodies are registered to frames in a folder, be there what else a subject needs or not.
+    #[must_use]
+    pub fn has_registrations(folder: &Path) -> bool {
+        match folder.join(Self::LAYOUT_FILE).is_file() {
+            true => plain::has_bodies(folder),
+            false => xhumans::has_bodies(folder),
+        }
+    }
+
     /// The training frames as a source.
     pub fn training_frames(&self) -> RgbdFrames {
         self.source(&self.train)

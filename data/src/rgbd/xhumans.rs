@@ -32,6 +32,16 @@ pub(super) fn has_pictures(folder: &Path) -> bool {
     rendered("train") || rendered("test")
 }
 
+/// Whether a sequence with rendered pictures has parameter files.
+pub(super) fn has_bodies(folder: &Path) -> bool {
+    let registered = |split: &str| {
+        let has_bodies = |sequence: &Path| parameter_files(sequence).is_ok_and(|files| !files.is_empty());
+        let sequences = sequences_of(folder, split).unwrap_or_default();
+        sequences.iter().any(|(_, sequence)| sequence.join(PICTURES).is_dir() && has_bodies(sequence))
+    };
+    registered("train") || registered("test")
+}
+
 pub(super) fn open(folder: &Path) -> Result<RgbdSubject> {
     let Common { gender, betas } = Common::read(folder)?;
     let [train, test] = frames(folder)?;

@@ -12,7 +12,7 @@ use crate::Split;
 use crate::xhumans::{GENDER_FILE, gender_in};
 use xavatar_body::Gender;
 use xavatar_formats::{Error, Result};
-use xavatar_mesh::ReadMesh;
+use xavatar_mesh::{Loss, Note, ReadMesh, without_surroundings};
 
 /// Scans of one person, before a body is registered to them. Coordinates are the files' own.
 #[derive(Clone, Debug)]
@@ -63,12 +63,27 @@ impl Scans {
 }
 
 impl FrameFiles {
-    /// Reads the frame's scan alone, in the coordinates of its file.
+    /// Reads the frame's scan alone, in the coordinates of its file, without what it shows besides the person, which is noted.
     ///
     /// # Errors
-    /// As [`read_frame`](super::read_frame), naming the frame.
+    /// As [`read_frame`](super::read_frame), naming the frame; [`Error::Mismatch`] for a scan of several people.
     pub fn read_scan(&self) -> Result<ReadMesh> {
-        let read = || read_scan(self.scan.require("the frame's scan")?);
-        read().map_err(|error| error.in_frame(self.id.to_string()))
+        self.read_person().map_err(|error| error.in_frame(self.id.to_string()))
+    }
+
+    fn read_person(&self) -> Result<ReadMesh> {
+        let path = self.scan.require("the frame's scan")?;
+        let ReadMesh { mesh: scan, mut notes } = read_scan(path)?;
+        let Some((mesh, surroundings)) = without_surroundings(&scan) else { return Ok(ReadMesh { mesh: scan, notes }) };
+        if surroundings.rivals > 0 {
+            return Err(Error::Mismatch {
+                path: path.into(),
+                found: format!("{} separate surfaces, each as large as a person", surroundings.rivals + 1),
+                expected: "a scan of one person".into(),
+                remedy: "cut the others away, or move the file out of the folder".into(),
+            });
+        }
+        notes.push(Note::new(Loss::Surroundings, surroundings.to_string()));
+        Ok(ReadMesh { mesh, notes })
     }
 }

@@ -27,7 +27,7 @@ struct Detected {
 /// # Errors
 /// [`Error::Unfit`] if the frames are of no person's size; [`Error::Frame`] for one that cannot be read; [`Error::Io`].
 pub fn find_landmarks(
-    recordings: Recordings<'_>,
+    recordings: &Recordings,
     models: &Models,
     up: Up,
     out: &Path,
@@ -68,7 +68,7 @@ pub fn find_landmarks(
 
 fn detected(recording: Recording<'_>, models: &Models, coordinates: FileCoordinates) -> Result<Detected> {
     let landmarks = match recording {
-        Recording::Scan(files) => find(models, &scan(files, coordinates)?)?,
+        Recording::Scan(files) => find(models, &scan(files, coordinates)?.mesh)?,
         Recording::Rgbd(files) => {
             let frame = picture(files, coordinates)?;
             let depth: Vec<Option<f32>> = (0..frame.depth.len()).map(|pixel| frame.surface_depth(pixel)).collect();

@@ -47,7 +47,7 @@ impl Working<'_> {
                 let Recording::Scan(files) = self.files[index] else { return Ok(()) };
                 let pose = self.pose_of(index, record, &report.missing_hands).pose(&shaped.shape);
                 let body = self.job.body.mesh(self.job.body.pose(&pose)?.vertices);
-                let mesh = free_form(&body, &freedoms, &scan(files, self.coordinates)?);
+                let mesh = free_form(&body, &freedoms, &scan(files, self.coordinates)?.mesh);
                 path.parent().map_or(Ok(()), create_folder)?;
                 write_ply(&path, &mesh.map_err(|error| error.in_frame(files.id.to_string()))?)
             })?;

@@ -24,6 +24,7 @@ use rayon::prelude::*;
 use xavatar_body::{BodyModel, BodyParameters, Gender, PartLabels, smplx};
 use xavatar_data::{FrameId, LimbCheck, ScanFrame, Split};
 use xavatar_formats::{Error, FolderLock, Result};
+use xavatar_mesh::Note;
 
 pub use coordinates::{FileCoordinates, Up};
 pub use detection::find_landmarks;
@@ -53,7 +54,7 @@ const NEIGHBOURS: usize = 2;
 /// What a subject is registered with.
 pub struct Job<'a> {
     /// The frames.
-    pub recordings: Recordings<'a>,
+    pub recordings: &'a Recordings,
     /// Which body model fits the person.
     pub gender: Gender,
     /// The body.
@@ -81,11 +82,19 @@ pub struct Job<'a> {
 /// What a job is doing: the phase, how much of it is done, and on what.
 pub type Observer<'a> = dyn FnMut(&'static str, f64, &str) + 'a;
 
-/// A frame that is fitted, and what it was started with.
-struct Prepared {
+/// A frame as it was read.
+struct Read {
     frame: Frame,
-    start: Option<Start>,
+    /// Landmarks that are not believed.
     dropped: Vec<String>,
+    /// What was noted of its scan.
+    notes: Vec<Note>,
+}
+
+/// A frame that is fitted, and where its fit begins.
+struct Prepared {
+    read: Read,
+    start: Option<Start>,
 }
 
 impl Job<'_> {
@@ -185,7 +194,8 @@ impl<'a> Working<'a> {
 
     /// A frame's scan and landmarks, and where its fit begins.
     fn prepared(&self, index: usize) -> Result<Prepared> {
-        let (frame, dropped) = self.frame(index)?;
+        let read = self.read(index)?;
+        let frame = &read.frame;
         let Fitter { linkage, sites, prior, .. } = &self.fitter;
         let given = self.job.starts.and_then(|starts| starts.of(self.files[index].id(), self.places[index].0));
         let start = match (self.job.landmarks, given) {
@@ -193,24 +203,25 @@ impl<'a> Working<'a> {
             (Some(_), Some(given)) => {
                 let own = from_landmarks(linkage, sites, prior, &frame.landmarks);
                 let given = onto_landmarks(linkage, sites, given, &frame.landmarks);
-                let best = self.coarse.best_of(own.into_iter().chain(given).collect(), &frame)?;
+                let best = self.coarse.best_of(own.into_iter().chain(given).collect(), frame)?;
                 best.map(|best| Start::FromLandmarks(best.pose))
             }
             (None, given) => {
-                let guess = self.coarse.guess(&frame, given)?.filter(|guess| guess.is_good());
+                let guess = self.coarse.guess(frame, given)?.filter(|guess| guess.is_good());
                 guess.map(|guess| Start::FromElsewhere(guess.pose))
             }
         };
-        Ok(Prepared { frame, start, dropped })
+        Ok(Prepared { read, start })
     }
 
-    /// A frame's scan and the landmarks that are believed, and the names of those that are not.
-    fn frame(&self, index: usize) -> Result<(Frame, Vec<String>)> {
-        let target = self.files[index].target(self.coordinates)?;
+    /// A frame's scan and the landmarks that are believed.
+    fn read(&self, index: usize) -> Result<Read> {
+        let (target, notes) = self.files[index].target(self.coordinates)?;
         let (landmarks, dropped) = self.landmarks(index)?;
         let skeleton = self.job.body.skeleton();
         let unseen = self.unseen[index].iter().filter_map(|hand| skeleton.part_named(hand)).collect();
-        Ok((Frame { scan: Arc::new(target), landmarks, motion: None, unseen }, dropped))
+        let frame = Frame { scan: Arc::new(target), landmarks, motion: None, unseen };
+        Ok(Read { frame, dropped, notes })
     }
 
     fn landmarks(&self, index: usize) -> Result<(Vec<Seen>, Vec<String>)> {
@@ -243,11 +254,11 @@ impl<'a> Working<'a> {
         let Some(begun) = self.begun(&chosen, observe, stop)? else { return Ok(None) };
         let (shaped, poses) = self.fitted_together(&begun, &known, observe)?;
         let quality = |((index, prepared), pose): (&(usize, Prepared), &FramePose)| {
-            self.quality(*index, pose, &prepared.frame, &shaped)
+            self.quality(*index, pose, &prepared.read.frame, &shaped)
         };
         let qualities: Vec<FrameQuality> = begun.par_iter().zip(&poses).map(quality).collect::<Result<_>>()?;
         for (((index, prepared), pose), quality) in begun.iter().zip(&poses).zip(qualities) {
-            self.record(*index, &prepared.frame, &prepared.dropped, pose, quality)?;
+            self.record(*index, &prepared.read, pose, quality)?;
         }
         // Last: its presence says that the key frames are done.
         shared::write(&self.job.out, &self.fitter, &shaped)?;
@@ -296,20 +307,23 @@ impl<'a> Working<'a> {
         observe: &mut Observer<'_>,
     ) -> Result<(Shaped, Vec<FramePose>)> {
         let starts = begun.iter().filter_map(|(_, prepared)| prepared.start.clone()).map(Start::into_pose).collect();
-        let frames: Vec<Frame> = begun.iter().map(|(_, prepared)| prepared.frame.clone()).collect();
+        let frames: Vec<Frame> = begun.iter().map(|(_, prepared)| prepared.read.frame.clone()).collect();
         self.fitter.fit(starts, &frames, known, |stage, share| observe("shape", share, stage))
     }
 
     fn record(
         &self,
         index: usize,
-        frame: &Frame,
-        dropped: &[String],
+        Read { frame, dropped, notes }: &Read,
         pose: &FramePose,
         quality: FrameQuality,
     ) -> Result<Record> {
-        let circumstances =
-            Circumstances { middle: frame.scan.middle(), landmarks: frame.landmarks.len(), dropped: dropped.to_vec() };
+        let circumstances = Circumstances {
+            middle: frame.scan.middle(),
+            landmarks: frame.landmarks.len(),
+            dropped: dropped.clone(),
+            notes: notes.clone(),
+        };
         Record::new(pose, quality, circumstances).kept(&self.kept, self.files[index].id())
     }
 
@@ -342,9 +356,9 @@ impl<'a> Working<'a> {
         }
         let prepared = self.prepared(index)?;
         let Some(start) = prepared.start.clone() else { return Ok(None) };
-        let pose = self.fitter.fit_pose(start, &prepared.frame, shaped)?;
-        let quality = self.quality(index, &pose, &prepared.frame, shaped)?;
-        self.record(index, &prepared.frame, &prepared.dropped, &pose, quality).map(Some)
+        let pose = self.fitter.fit_pose(start, &prepared.read.frame, shaped)?;
+        let quality = self.quality(index, &pose, &prepared.read.frame, shaped)?;
+        self.record(index, &prepared.read, &pose, quality).map(Some)
     }
 
     /// How well a pose lies, by the fit's own measures and by what `train` holds against data.
@@ -355,7 +369,7 @@ impl<'a> Working<'a> {
         let Recording::Scan(files) = self.files[index] else { return Ok(quality) };
         let scan = ScanFrame {
             id: files.id.clone(),
-            scan: scan(files, self.coordinates)?,
+            scan: scan(files, self.coordinates)?.mesh,
             parameters: BodyParameters::from(self.relative_to_mean(&pose.pose(&shaped.shape))),
             unseen_parts: Vec::new(),
             notes: Vec::new(),
@@ -384,18 +398,19 @@ impl<'a> Working<'a> {
             let id = self.files[index].id();
             let bad_count = bad.iter().filter(|bad| **bad).count();
             observe("again", 1.0 - bad_count as f64 / bad.len() as f64, &id.to_string());
-            let (frame, dropped) = self.frame(index)?;
+            let read = self.read(index)?;
+            let frame = &read.frame;
             let mut best = records[index].clone();
             for other in self.neighbours(index, &bad).collect::<Vec<_>>() {
                 let Some(neighbour) = &records[other] else { continue };
                 let mut start = neighbour.pose(self.fitter.linkage.extents());
                 start.translation += frame.scan.middle() - glam::DVec3::from(neighbour.middle);
-                let pose = self.fitter.fit_pose(Start::FromElsewhere(start), &frame, shaped)?;
-                let quality = self.quality(index, &pose, &frame, shaped)?;
+                let pose = self.fitter.fit_pose(Start::FromElsewhere(start), frame, shaped)?;
+                let quality = self.quality(index, &pose, frame, shaped)?;
                 if best.as_ref().is_none_or(|best| quality.misfit() < best.quality.misfit()) {
                     best = Some(match best {
                         Some(best) => best.replaced(&pose, quality),
-                        None => self.record(index, &frame, &dropped, &pose, quality)?,
+                        None => self.record(index, &read, &pose, quality)?,
                     });
                 }
             }

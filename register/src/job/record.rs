@@ -7,6 +7,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use xavatar_data::FrameId;
 use xavatar_formats::{Error, Result, create_folder, read_bytes, write_atomically};
+use xavatar_mesh::Note;
 
 use crate::fit::FrameQuality;
 use crate::linear::{Extents, FramePose, so3};
@@ -26,6 +27,9 @@ pub struct Record {
     pub landmarks: usize,
     /// The names of those that were not.
     pub dropped: Vec<String>,
+    /// What was noted of the scan as it was read.
+    #[serde(default)]
+    pub notes: Vec<Note>,
     /// Whether it has been tried again from its neighbours.
     pub tried_again: bool,
 }
@@ -39,12 +43,14 @@ pub struct Circumstances {
     pub landmarks: usize,
     /// The names of those that were not.
     pub dropped: Vec<String>,
+    /// What was noted of the scan as it was read.
+    pub notes: Vec<Note>,
 }
 
 impl Record {
     /// Of a pose.
     pub fn new(pose: &FramePose, quality: FrameQuality, circumstances: Circumstances) -> Self {
-        let Circumstances { middle, landmarks, dropped } = circumstances;
+        let Circumstances { middle, landmarks, dropped, notes } = circumstances;
         Self {
             turns: pose.rotations.iter().map(|rotation| so3::log(rotation).to_array()).collect(),
             translation: pose.translation.to_array(),
@@ -53,6 +59,7 @@ impl Record {
             quality,
             landmarks,
             dropped,
+            notes,
             tried_again: false,
         }
     }
@@ -70,7 +77,8 @@ impl Record {
     #[must_use]
     pub fn replaced(&self, pose: &FramePose, quality: FrameQuality) -> Self {
         let middle = self.middle.into();
-        let circumstances = Circumstances { middle, landmarks: self.landmarks, dropped: self.dropped.clone() };
+        let (dropped, notes) = (self.dropped.clone(), self.notes.clone());
+        let circumstances = Circumstances { middle, landmarks: self.landmarks, dropped, notes };
         Self::new(pose, quality, circumstances)
     }
 

@@ -4,20 +4,23 @@ use std::path::Path;
 
 use glam::Vec3;
 use xavatar_body::Gender;
-use xavatar_data::{FrameFiles, FrameId, RgbdCapture, RgbdFiles, RgbdFrame, RgbdPictures, Scans, Split};
+use xavatar_data::{
+    CaptureKind, FrameFiles, FrameId, RgbdCapture, RgbdFiles, RgbdFrame, RgbdPictures, RgbdSubject, Scans, Split,
+    Subject,
+};
 use xavatar_formats::{Error, Result};
-use xavatar_mesh::TriangleMesh;
+use xavatar_mesh::{Note, ReadMesh};
 
 use super::coordinates::{FileCoordinates, MEASURED, SIZES, Up};
 use crate::target::ScanTarget;
 
 /// One person's frames, before bodies are registered to them.
-#[derive(Clone, Copy)]
-pub enum Recordings<'a> {
+#[derive(Clone, Debug)]
+pub enum Recordings {
     /// Scans.
-    Scans(&'a Scans),
+    Scans(Scans),
     /// Pictures of a depth camera.
-    Rgbd(&'a RgbdPictures),
+    Rgbd(RgbdPictures),
 }
 
 /// A frame of [`Recordings`].
@@ -29,9 +32,23 @@ pub enum Recording<'a> {
     Rgbd(&'a RgbdFiles),
 }
 
-impl<'a> Recordings<'a> {
+impl Recordings {
+    /// The frames of one kind in a folder where no body is registered to any of them; none where bodies are, or where there is no scan.
+    ///
+    /// # Errors
+    /// Those of [`RgbdPictures::open`].
+    pub fn without_bodies(folder: &Path, kind: CaptureKind) -> Result<Option<Self>> {
+        match kind {
+            CaptureKind::Scans if Subject::has_registrations(folder) => Ok(None),
+            // What is wrong with data that are no scans either is for the one who opens them to say.
+            CaptureKind::Scans => Ok(Scans::open(folder, &[]).ok().map(Self::Scans)),
+            CaptureKind::Rgbd if RgbdSubject::has_registrations(folder) => Ok(None),
+            CaptureKind::Rgbd => Ok(Some(Self::Rgbd(RgbdPictures::open(folder)?))),
+        }
+    }
+
     /// Their folder.
-    pub fn folder(self) -> &'a Path {
+    pub fn folder(&self) -> &Path {
         match self {
             Self::Scans(scans) => &scans.folder,
             Self::Rgbd(pictures) => &pictures.folder,
@@ -39,7 +56,7 @@ impl<'a> Recordings<'a> {
     }
 
     /// Which body model fits the person, if the folder says so.
-    pub fn gender(self) -> Option<Gender> {
+    pub fn gender(&self) -> Option<Gender> {
         match self {
             Self::Scans(scans) => scans.gender,
             Self::Rgbd(pictures) => pictures.gender,
@@ -47,8 +64,8 @@ impl<'a> Recordings<'a> {
     }
 
     /// All frames, those for training first.
-    pub fn frames(self) -> Vec<Recording<'a>> {
-        let of_split = |split: Split| -> Vec<Recording<'a>> {
+    pub fn frames(&self) -> Vec<Recording<'_>> {
+        let of_split = |split: Split| -> Vec<Recording<'_>> {
             match self {
                 Self::Scans(scans) => scans.files(split).iter().map(Recording::Scan).collect(),
                 Self::Rgbd(pictures) => pictures.files(split).iter().map(Recording::Rgbd).collect(),
@@ -61,7 +78,7 @@ impl<'a> Recordings<'a> {
     ///
     /// # Errors
     /// As [`FileCoordinates::of_scans`]; [`Error::Unfit`] for pictures of something larger or smaller than a person.
-    pub fn coordinates(self, up: Up) -> Result<FileCoordinates> {
+    pub fn coordinates(&self, up: Up) -> Result<FileCoordinates> {
         let pictures = match self {
             Self::Scans(scans) => {
                 let files: Vec<&FrameFiles> =
@@ -99,25 +116,28 @@ impl Recording<'_> {
         }
     }
 
-    /// What a body is fitted to, metres, Y up.
+    /// What a body is fitted to, metres, Y up, and what was noted as it was read.
     ///
     /// # Errors
     /// [`Error::Frame`] for a file that is missing, broken, or shows no surface.
-    pub fn target(&self, coordinates: FileCoordinates) -> Result<ScanTarget> {
+    pub fn target(&self, coordinates: FileCoordinates) -> Result<(ScanTarget, Vec<Note>)> {
         let target = match self {
-            Self::Scan(files) => ScanTarget::of(&scan(files, coordinates)?),
-            Self::Rgbd(files) => {
-                picture(files, coordinates).and_then(RgbdCapture::of).and_then(|capture| ScanTarget::seen(&capture))
+            Self::Scan(files) => {
+                let ReadMesh { mesh, notes } = scan(files, coordinates)?;
+                ScanTarget::of(&mesh).map(|target| (target, notes))
             }
+            Self::Rgbd(files) => picture(files, coordinates)
+                .and_then(RgbdCapture::of)
+                .and_then(|capture| Ok((ScanTarget::seen(&capture)?, Vec::new()))),
         };
         target.map_err(|error| error.in_frame(self.id().to_string()))
     }
 }
 
-/// A scan, metres, Y up.
-pub fn scan(files: &FrameFiles, coordinates: FileCoordinates) -> Result<TriangleMesh> {
-    let mut scan = files.read_scan()?.mesh;
-    coordinates.apply(&mut scan);
+/// A scan of the person alone, metres, Y up.
+pub fn scan(files: &FrameFiles, coordinates: FileCoordinates) -> Result<ReadMesh> {
+    let mut scan = files.read_scan()?;
+    coordinates.apply(&mut scan.mesh);
     Ok(scan)
 }
 

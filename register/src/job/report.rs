@@ -4,6 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 use xavatar_body::Role;
+use xavatar_data::FrameNotes;
+use xavatar_mesh::Note;
 
 use super::coordinates::FileCoordinates;
 use crate::fit::{Fitter, FrameQuality, Shaped};
@@ -43,6 +45,9 @@ pub struct FrameReport {
     pub landmarks: usize,
     /// Landmarks that were not.
     pub dropped_landmarks: Vec<String>,
+    /// What was noted of the scan as it was read.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<Note>,
 }
 
 /// A subject.
@@ -139,6 +144,9 @@ impl fmt::Display for RegistrationReport {
         for frame in self.frames.iter().filter(|frame| !frame.turned_hands.is_empty()) {
             writeln!(f, "turned: {}: {} away from its landmarks", frame.frame, frame.turned_hands.join(", "))?;
         }
+        let mut notes = FrameNotes::default();
+        self.frames.iter().for_each(|frame| notes.add(&frame.frame, &frame.notes));
+        notes.lines().try_for_each(|line| writeln!(f, "noted: {line}"))?;
         for frame in &self.frames {
             match frame.verdict {
                 Verdict::Registered => {}

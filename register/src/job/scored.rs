@@ -85,6 +85,7 @@ pub fn score_registration(
             quality: quality.ok(),
             landmarks: 0,
             dropped_landmarks: Vec::new(),
+            notes: Vec::new(),
         }
     };
     let frames = files.iter().zip(qualities).map(report).collect();

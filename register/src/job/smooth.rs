@@ -63,7 +63,7 @@ impl Working<'_> {
             return Ok(records[places[1]].clone());
         };
         let pose = |record: &Record| record.pose(self.fitter.linkage.extents());
-        let (mut frame, _) = self.frame(places[1])?;
+        let mut frame = self.read(places[1])?.frame;
         frame.motion = Some(MotionTerm::of(&pose(before), &pose(after), 1.0 / rate));
         let fitted = self.fitter.fit_between(pose(own), &frame, shaped)?;
         let quality = self.quality(places[1], &fitted, &frame, shaped)?;

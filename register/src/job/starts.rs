@@ -23,7 +23,7 @@ impl StartPoses {
     /// # Errors
     /// [`Error::Missing`] if a folder has a motion of no sequence; [`Error::Mismatch`] for a motion with more or fewer poses than its sequence has
     /// frames; what is wrong with a motion; that of poses of another body.
-    pub fn read(path: &Path, recordings: Recordings<'_>, body: &BodyModel) -> Result<Self> {
+    pub fn read(path: &Path, recordings: &Recordings, body: &BodyModel) -> Result<Self> {
         let mut counts: BTreeMap<(String, String), usize> = BTreeMap::new();
         for frame in recordings.frames() {
             let FrameId { split, sequence, .. } = frame.id();

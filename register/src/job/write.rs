@@ -10,6 +10,7 @@ use xavatar_data::{
     write_rgbd_subject,
 };
 use xavatar_formats::{Error, Result, write_atomically};
+use xavatar_mesh::{Loss, ReadMesh};
 
 use super::record::Record;
 use super::recorded::{Recording, picture, scan};
@@ -151,6 +152,7 @@ impl Working<'_> {
             turned_hands,
             quality,
             landmarks: record.map_or(0, |record| record.landmarks),
+            notes: record.map(|record| record.notes.clone()).unwrap_or_default(),
             dropped_landmarks: record.map(|record| record.dropped.clone()).unwrap_or_default(),
         }
     }
@@ -207,12 +209,14 @@ impl Working<'_> {
     }
 
     fn write_frame(&self, folder: &FrameFolder, files: &FrameFiles, pose: &Pose) -> Result<()> {
-        let is_linked = match files.scan.path().filter(|_| self.coordinates.is_plain()) {
-            Some(scan) => folder.link_scan(scan)?,
+        let ReadMesh { mesh: scan, notes } = scan(files, self.coordinates)?;
+        let is_whole = !notes.iter().any(|note| note.lost == Loss::Surroundings);
+        let is_linked = match files.scan.path().filter(|_| self.coordinates.is_plain() && is_whole) {
+            Some(file) => folder.link_scan(file)?,
             None => false,
         };
         if !is_linked {
-            folder.write_scan(&scan(files, self.coordinates)?)?;
+            folder.write_scan(&scan)?;
         }
         let mesh = self.job.body.mesh(self.job.body.pose(pose)?.vertices);
         folder.write_body(&BodyParameters::from(self.relative_to_mean(pose)), &mesh)

@@ -22,8 +22,7 @@ impl Kind {
     pub fn of(subject: &SubjectArguments, asked: Option<Self>) -> Self {
         match asked {
             Some(kind) => kind,
-            None if CapturedSubject::has_only_rgbd(&subject.data) => Self::Rgbd,
-            None => Self::Scans,
+            None => CaptureKind::of(&subject.data).into(),
         }
     }
 
@@ -46,6 +45,15 @@ impl From<Kind> for CaptureKind {
         match kind {
             Kind::Scans => Self::Scans,
             Kind::Rgbd => Self::Rgbd,
+        }
+    }
+}
+
+impl From<CaptureKind> for Kind {
+    fn from(kind: CaptureKind) -> Self {
+        match kind {
+            CaptureKind::Scans => Self::Scans,
+            CaptureKind::Rgbd => Self::Rgbd,
         }
     }
 }

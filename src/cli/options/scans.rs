@@ -13,6 +13,7 @@ use xavatar::register::fit::Known;
 use xavatar::register::job::{Job, Observer, Recordings, StartPoses, Up, find_landmarks};
 use xavatar::register::landmarks::LandmarkFiles;
 
+use super::captured::Kind;
 use super::inputs::load_body;
 use super::motion::positive;
 use crate::cli::output::progress::Progress;
@@ -80,25 +81,10 @@ impl From<UpAxis> for Up {
     }
 }
 
-/// What bodies are registered to.
-enum Found {
-    Scans(Scans),
-    Rgbd(RgbdPictures),
-}
-
-impl Found {
-    fn recordings(&self) -> Recordings<'_> {
-        match self {
-            Self::Scans(scans) => Recordings::Scans(scans),
-            Self::Rgbd(pictures) => Recordings::Rgbd(pictures),
-        }
-    }
-}
-
 /// Scans or pictures that were found, with the body for them.
 pub struct OpenScans<'a> {
     arguments: &'a ScanArguments,
-    found: Found,
+    recordings: Recordings,
     gender: Gender,
     labels: PartLabels,
     known: Known,
@@ -109,11 +95,20 @@ pub struct OpenScans<'a> {
 }
 
 impl ScanArguments {
-    /// Scans and body alone; without landmarks, by the scans' shapes.
-    pub fn new(scans: PathBuf, body: PathBuf, landmarks: Option<PathBuf>, models: Option<PathBuf>) -> Self {
+    /// Scans or pictures in a folder, and the body alone; without landmarks, by what shape they show.
+    pub fn new(
+        (folder, kind): (PathBuf, Kind),
+        body: PathBuf,
+        landmarks: Option<PathBuf>,
+        models: Option<PathBuf>,
+    ) -> Self {
+        let (scans, rgbd) = match kind {
+            Kind::Scans => (Some(folder), None),
+            Kind::Rgbd => (None, Some(folder)),
+        };
         Self {
-            scans: Some(scans),
-            rgbd: None,
+            scans,
+            rgbd,
             body,
             geometry_only: landmarks.is_none() && models.is_none(),
             landmarks,
@@ -134,19 +129,19 @@ impl ScanArguments {
 
     /// Finds the scans, of which the sequences of these names are for tests, or the pictures, and loads the body.
     pub fn open(&self, test: &[String]) -> anyhow::Result<OpenScans<'_>> {
-        let found = match (&self.scans, &self.rgbd) {
+        let recordings = match (&self.scans, &self.rgbd) {
             (_, Some(_)) if !test.is_empty() => wrong_usage!(
                 "--take: which pictures are for tests, their folders train and test say, or `split` in rgbd.toml (docs/rgbd.md)"
             ),
-            (_, Some(folder)) => Found::Rgbd(RgbdPictures::open(folder)?),
-            (Some(folder), None) => Found::Scans(Scans::open(folder, test)?),
+            (_, Some(folder)) => Recordings::Rgbd(RgbdPictures::open(folder)?),
+            (Some(folder), None) => Recordings::Scans(Scans::open(folder, test)?),
             (None, None) => wrong_usage!("give SCANS, or --rgbd FOLDER"),
         };
-        let gender = self.gender.or(found.recordings().gender()).unwrap_or(Gender::Neutral);
+        let gender = self.gender.or(recordings.gender()).unwrap_or(Gender::Neutral);
         let (body, labels) = load_body(&self.body, gender)?;
         let shape = self.shape.as_deref().map(|path| shape_in(path, body.shape_coefficients())).transpose()?;
         let known = Known { shape, bare: false };
-        Ok(OpenScans { arguments: self, found, gender, labels, known, body, offsets: false })
+        Ok(OpenScans { arguments: self, recordings, gender, labels, known, body, offsets: false })
     }
 }
 
@@ -159,7 +154,7 @@ impl OpenScans<'_> {
         work: impl FnOnce(&Job<'_>, &mut Observer<'_>, &AtomicBool) -> Result<Option<T>, InputError>,
     ) -> anyhow::Result<Option<T>> {
         let ScanArguments { landmarks, models, start, minimal, up, fps, .. } = self.arguments;
-        let (recordings, up) = (self.found.recordings(), (*up).into());
+        let (recordings, up) = (&self.recordings, (*up).into());
         let stop = stop::on_interrupt()?;
         let read = |path: &PathBuf| StartPoses::read(path, recordings, &self.body);
         let starts = start.as_ref().map(read).transpose()?;

@@ -28,8 +28,8 @@ use crate::cli::{Outcome, option};
 pub struct Check {
     #[command(flatten)]
     subject: SubjectArguments,
-    /// Where one unit, turn, mirror or shift brings all scans onto their bodies, record it in DATA/mended.toml, which every verb
-    /// applies as it reads the scans, and check again. No file of the data is changed
+    /// Where one unit, turn, mirror or shift brings all scans onto their bodies, or the person has to be told from ground, record it in
+    /// DATA/mended.toml, which every verb applies as it reads the scans, and check again. No file of the data is changed
     #[arg(long)]
     fix: bool,
     /// Score the registrations instead: how far each body lies from its scan, clothes counted, part by part, the worst frames first
@@ -86,7 +86,9 @@ impl Check {
     /// Records what mends the scans, if it is one placement, and checks them again.
     fn mended(&self, found: CheckReport) -> anyhow::Result<CheckReport> {
         let Some(placement) = found.mend else {
-            log::info!("nothing to record: no unit, turn, mirror or shift mends all scans");
+            log::info!(
+                "nothing to record: no unit, turn, mirror or shift mends all scans, and they show the person alone"
+            );
             return Ok(found);
         };
         found.problems.iter().for_each(|problem| log::info!("found: {problem}"));

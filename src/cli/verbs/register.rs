@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use xavatar::data::{Scans, Subject};
-use xavatar::register::job::REPORT_FILE;
+use xavatar::register::job::{REPORT_FILE, Recordings};
 use xavatar::register::landmarks::LANDMARKS_FILE;
 use xavatar::report::{REGISTRATION_PAGE, write_registration_page};
 
+use crate::cli::options::captured::Kind;
 use crate::cli::options::inputs::SubjectArguments;
 use crate::cli::options::scans::ScanArguments;
 use crate::cli::output::files;
@@ -77,24 +77,25 @@ pub fn stopped() -> Outcome {
     Outcome::Stopped
 }
 
-/// Registers the scans in `data` if no body is registered to them: into the folder beside the run's, which later calls take as it is.
-/// Landmarks are those of `landmarks.json` among the scans; without, people are found by the scans' shapes. Returns where the data
-/// are; none if the registration was stopped.
+/// Registers the scans or pictures in `data` if no body is registered to them: into the folder beside the run's, which later calls take
+/// as it is. Landmarks are those of `landmarks.json` among them; without, people are found by the shapes that they show. Returns where
+/// the data are; none if the registration was stopped.
 pub fn registered_first(
     SubjectArguments { data, body }: &SubjectArguments,
+    kind: Kind,
     run: &Path,
     models: Option<PathBuf>,
 ) -> anyhow::Result<Option<PathBuf>> {
-    if Subject::has_registrations(data) {
-        return Ok(Some(data.into()));
-    }
-    // What is wrong with data that are no scans either is for the one who opens them to say.
-    let Ok(scans) = Scans::open(data, &[]) else { return Ok(Some(data.into())) };
+    let Some(recordings) = Recordings::without_bodies(data, kind.into())? else { return Ok(Some(data.into())) };
+    let what = match kind {
+        Kind::Scans => "scans",
+        Kind::Rgbd => "pictures",
+    };
     let mut name = run.file_name().unwrap_or_default().to_os_string();
     name.push("-registered");
     let out = run.with_file_name(name);
     if out.join(REPORT_FILE).is_file() {
-        log::info!("the scans' registration is in {}", out.display());
+        log::info!("the registration of these {what} is in {}", out.display());
         return Ok(Some(out));
     }
     let landmarks = data.join(LANDMARKS_FILE);
@@ -102,11 +103,11 @@ pub fn registered_first(
     let how = match (&models, &landmarks) {
         (Some(_), _) => "by landmarks found in pictures of them",
         (None, Some(_)) => "by landmarks.json",
-        (None, None) => "by their shapes alone",
+        (None, None) => "by the shapes they show",
     };
-    log::info!("no body is registered to these scans: registering them {how}, into {}", out.display());
+    log::info!("no body is registered to these {what}: registering one {how}, into {}", out.display());
     let register = Register {
-        scans: ScanArguments::new(scans.folder, body.clone(), landmarks, models),
+        scans: ScanArguments::new((recordings.folder().into(), kind), body.clone(), landmarks, models),
         out: out.clone(),
         test: Vec::new(),
         offsets: false,

@@ -8,12 +8,14 @@ use std::sync::LazyLock;
 use glam::{Mat3, Vec3};
 use xavatar::body::{BodyParameters, Gender, HandPose, PoseAxisAngle, PosedBody, smplx};
 use xavatar::data::{
-    Capture, CaptureKind, CheckReport, CheckedFrames, Defect, Finding, FrameId, Origin, ScanFrame, Source, Subject,
-    check, read_frame, write_subject,
+    Capture, CaptureKind, CheckReport, CheckedFrames, Defect, Finding, FrameId, Origin, ScanFrame, ScanPlacement,
+    Source, Subject, check, read_frame, write_subject,
 };
 use xavatar::formats::{Choice, Remedy};
 use xavatar::mesh::{Colouring, TriangleMesh};
 use xavatar::synthetic::{BuiltInSubject, Split};
+
+use crate::ground::add_ground;
 
 static SUBJECT: LazyLock<BuiltInSubject> = LazyLock::new(|| BuiltInSubject::new().unwrap());
 
@@ -306,6 +308,25 @@ fn hollow_open_and_inverted_scans_are_named() {
     assert_problem(&open, Defect::Open, &["is open around", "%"]);
     let inverted = assert_mends(|frame| reverse_faces(&mut frame.scan), 1e-6);
     assert_problem(&inverted, Defect::InsideOut, &["seen from inside"]);
+}
+
+#[test]
+fn ground_under_the_person_is_named_and_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    write_changed(folder.path(), |frame| add_ground(&mut frame.scan, 1.0));
+    let found = report(folder.path());
+    assert_problem(&found, Defect::Surroundings, &["3 of 3 frames", "the ground ("]);
+    assert_eq!(found.problems[0].choice, Some(Choice::RecordPlacement));
+    let mend = found.mend.unwrap();
+    assert_eq!(mend, ScanPlacement { person_alone: true, ..ScanPlacement::default() });
+    mend.write(folder.path()).unwrap();
+    let mended = report(folder.path());
+    assert!(mended.is_fit(), "{:#?}", mended.problems);
+    let subject = Subject::open(folder.path()).unwrap();
+    for (files, right) in subject.train.iter().chain(&subject.test).zip(FRAMES.iter()) {
+        let (found, right) = (read_frame(files, &subject.betas).unwrap().scan.area(), right.scan.area());
+        assert!((0.97..=1.0).contains(&(found / right)), "{found} of {right} square metres");
+    }
 }
 
 #[test]

@@ -354,11 +354,12 @@ fn a_trained_body_is_a_body_like_any_other() {
         ["body", "synth", "--body", text(&start), "--subjects", "3", "--poses", "12", "--out", text(&people)];
     assert_outcome(&arguments, 0, &["36 registrations of 3 people, 144 vertices each"]);
     assert_eq!(std::fs::read_dir(people.join("02")).unwrap().count(), 12);
-    for (kind, family, joints) in [("star", "STAR", "spine1"), ("supr", "SUPR", "spine1")] {
+    for (kind, family, correctives) in [("star", "STAR", "sparse"), ("supr", "SUPR", "none")] {
         let out = at(&format!("{kind}.npz"));
         let arguments = ["body", "train", text(&people), "--from", text(&start), "--kind", kind, "--out", text(&out)];
+        let arguments = [&arguments[..], &["--correctives", correctives]].concat();
         assert_outcome(&arguments, 0, &[family, "36 registrations of 3 people, "]);
-        assert_outcome(&["body", "info", text(&out)], 0, &[&format!("{family} body model"), joints]);
+        assert_outcome(&["body", "info", text(&out)], 0, &[&format!("{family} body model"), "spine1"]);
         assert_outcome(&arguments, 1, &["exists already"]);
     }
     let star = at("star.npz");

@@ -13,20 +13,29 @@ use xavatar::synthetic::BuiltInSubject;
 
 use super::tool::{assert_outcome, data, text};
 use super::truth::{self, SEEN};
+use crate::ground::add_ground;
 
 /// Frames of the take.
 const FRAMES: usize = 4;
-/// Bare scans in millimetres, in a folder of one sequence, and landmarks that are up to 15 mm off.
+/// Bare scans in millimetres, one of them with ground, in a folder of one sequence, and landmarks that are up to 15 mm off.
 fn scans() -> (TempDir, PathBuf, PathBuf) {
+    first_scans(FRAMES)
+}
+
+/// Of these scans the first, and their landmarks.
+fn first_scans(count: usize) -> (TempDir, PathBuf, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let take = folder.path().join("scans/Take1");
     fs::create_dir_all(&take).unwrap();
     let subject = BuiltInSubject::new().unwrap();
     let mut frames = serde_json::Map::new();
-    for index in 0..FRAMES {
+    for index in 0..count {
         let frame = subject.frame(Split::Train, index, FRAMES).unwrap();
         let mut scan = frame.scan;
         scan.vertices.iter_mut().for_each(|vertex| *vertex *= 1000.0);
+        if index == 2 {
+            add_ground(&mut scan, 1000.0);
+        }
         write_obj(take.join(format!("scan_{:03}.obj", index + 1)), &scan).unwrap();
         let rows = truth::landmarks(&subject, &frame.parameters, index, &SEEN, (0.015, 1000.0));
         frames.insert(format!("Take1/f{:05}", index + 1), rows);
@@ -66,7 +75,8 @@ fn bare_scans_with_landmarks_become_data_to_train_on() {
     let (_, body) = data();
     let out = folder.path().join("data");
     let register = ["register", text(&scans), "--body", body, "--landmarks", text(&landmarks), "--out", text(&out)];
-    assert_outcome(&register, 0, &["registered         4 of 4 frames", "register.html", "xavatar train"]);
+    let noted = "noted: train/Take1/f00003: what is beside the person is left out: the ground (";
+    assert_outcome(&register, 0, &["registered         4 of 4 frames", noted, "register.html", "xavatar train"]);
     let errors = errors(&out);
     assert!(errors.iter().all(|error| *error < 8.0), "{errors:?}");
     assert_outcome(&["check", text(&out), "--body", body], 0, &["X-Humans", "ready to train"]);
@@ -140,6 +150,20 @@ fn what_cannot_be_registered_is_named() {
         &[&register[..], &["--geometry-only", "--take", "Take9=test"]].concat(),
         1,
         &["the sequence Take9 not found; name one of Take1"],
+    );
+    let two = folder.path().join("two");
+    fs::create_dir(&two).unwrap();
+    let mut both = BuiltInSubject::new().unwrap().frame(Split::Train, 0, FRAMES).unwrap().scan;
+    let first = both.vertices.len() as u32;
+    both.vertices.extend_from_within(..);
+    both.vertices[first as usize..].iter_mut().for_each(|vertex| vertex.z += 1.5);
+    both.faces.extend(both.faces.clone().iter().map(|face| face.map(|vertex| vertex + first)));
+    write_obj(two.join("f1.obj"), &TriangleMesh { vertices: both.vertices, faces: both.faces, ..Default::default() })
+        .unwrap();
+    assert_outcome(
+        &["register", text(&two), "--body", body, "--out", text(&out), "--geometry-only"],
+        1,
+        &["f1", "2 separate surfaces, each as large as a person"],
     );
     let empty = folder.path().join("empty");
     fs::create_dir(&empty).unwrap();
@@ -243,14 +267,14 @@ fn npy(numbers: &[f32]) -> Vec<u8> {
 
 #[test]
 fn a_shape_that_is_given_is_held_and_one_sequence_may_give_the_shape_of_all() {
-    let (folder, scans, landmarks) = scans();
+    let (folder, scans, landmarks) = first_scans(2);
     let (_, body) = data();
     let register = ["register", text(&scans), "--body", body, "--landmarks", text(&landmarks), "--out"];
     let shape: Vec<f32> = (0..10).map(|index| 0.1 * index as f32).collect();
     let file = folder.path().join("betas.npy");
     fs::write(&file, npy(&shape)).unwrap();
     let held = folder.path().join("held");
-    assert_outcome(&[&register[..], &[text(&held), "--shape", text(&file)]].concat(), 0, &["4 of 4 frames"]);
+    assert_outcome(&[&register[..], &[text(&held), "--shape", text(&file)]].concat(), 0, &["2 of 2 frames"]);
     assert_eq!(Subject::open(&held).unwrap().betas, shape);
     let short = folder.path().join("short.npy");
     fs::write(&short, npy(&[0.0; 3])).unwrap();
@@ -259,9 +283,9 @@ fn a_shape_that_is_given_is_held_and_one_sequence_may_give_the_shape_of_all() {
     assert_outcome(&refused, 2, &["short.npy", "expected 10 finite numbers"]);
 
     let tight = folder.path().join("tight");
-    assert_outcome(&[&register[..], &[text(&tight), "--minimal", "Take1"]].concat(), 0, &["4 of 4 frames"]);
+    assert_outcome(&[&register[..], &[text(&tight), "--minimal", "Take1"]].concat(), 0, &["2 of 2 frames"]);
     let plain = folder.path().join("plain");
-    assert_outcome(&[&register[..], &[text(&plain)]].concat(), 0, &["4 of 4 frames"]);
+    assert_outcome(&[&register[..], &[text(&plain)]].concat(), 0, &["2 of 2 frames"]);
     let [tight, plain] = [tight, plain].map(|data| Subject::open(&data).unwrap().betas);
     assert_ne!(tight, plain, "clothes that may not be thick leave another shape");
     assert_outcome(

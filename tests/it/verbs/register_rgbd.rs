@@ -44,7 +44,7 @@ fn pictures() -> (TempDir, PathBuf, PathBuf) {
     let settings: String =
         settings.replace(",\n", ",").replace("[\n", "[").lines().filter(without_body).collect::<Vec<_>>().join("\n");
     fs::write(pictures.join("rgbd.toml"), settings).unwrap();
-    let file = folder.path().join("landmarks.json");
+    let file = pictures.join("landmarks.json");
     fs::write(&file, serde_json::json!({ "names": SEEN[1..], "frames": landmarks }).to_string()).unwrap();
     (folder, pictures, file)
 }
@@ -64,7 +64,8 @@ fn errors(data: &Path) -> Vec<f32> {
 fn pictures_with_landmarks_become_data_to_train_on() {
     let (folder, pictures, landmarks) = pictures();
     let (_, body) = data();
-    let out = folder.path().join("data");
+    // Where training looks for what it registers first.
+    let out = folder.path().join("run-registered");
     let register =
         ["register", "--rgbd", text(&pictures), "--body", body, "--landmarks", text(&landmarks), "--out", text(&out)];
     assert_outcome(&register, 0, &["registered         4 of 4 frames", "register.html", "xavatar train"]);
@@ -75,15 +76,20 @@ fn pictures_with_landmarks_become_data_to_train_on() {
     let files = ["rgbd.toml", "train/Take1/bodies.npz", "train/Take1/depth/depth_000002.tiff", "register.json"];
     let contents = || files.map(|file| fs::read(out.join(file)).unwrap());
     let whole = contents();
-    fs::remove_file(out.join("rgbd.toml")).unwrap();
+    let end_is_lost =
+        || ["rgbd.toml", "register.json"].iter().for_each(|file| fs::remove_file(out.join(file)).unwrap());
+    end_is_lost();
     assert_outcome(&register, 1, &["not empty", "--resume"]);
     assert_outcome(&[&register[..], &["--resume"]].concat(), 0, &["registered         4 of 4 frames"]);
     assert!(whole == contents(), "a run that was stopped ends with the same bytes");
 
+    end_is_lost();
     let run = folder.path().join("run");
-    let train = ["train", text(&out), "--body", body, "--out", text(&run), "--preset", "demo", "--steps", "4"];
+    let train = ["train", text(&pictures), "--body", body, "--out", text(&run), "--preset", "demo", "--steps", "4"];
     let settings: Vec<&str> = TINY.iter().flat_map(|setting| ["--set", setting]).collect();
-    assert_outcome(&[&train[..], &settings].concat(), 0, &["avatar.safetensors"]);
+    let told = ["registering one by landmarks.json, into", "run-registered", "avatar.safetensors"];
+    assert_outcome(&[&train[..], &settings].concat(), 0, &told);
+    assert!(whole == contents(), "training registers as the verb does");
     assert_eq!(Config::read(&run.join("config.toml")).unwrap().preset, "demo-rgbd");
 }
 
@@ -113,13 +119,12 @@ fn what_pictures_lack_or_cannot_give_is_named() {
     with_settings("cameras.npz", "none.npz");
     with(&["--resume"], 1, &["none.npz", "extrinsic"]);
     fs::write(pictures.join("rgbd.toml"), &settings).unwrap();
-    // Bodies are what training wants, and what registering gives.
-    let run = folder.path().join("run");
-    assert_outcome(
-        &["train", text(&pictures), "--body", body, "--out", text(&run)],
-        1,
-        &["betas", "docs/registration.md"],
-    );
+    // Bodies say of whom they are.
+    let (run, bodies) = (folder.path().join("run"), pictures.join("train/Take1/bodies.npz"));
+    fs::write(&bodies, "").unwrap();
+    let train = ["train", text(&pictures), "--body", body, "--out", text(&run)];
+    assert_outcome(&train, 1, &["betas", "docs/registration.md"]);
+    fs::remove_file(bodies).unwrap();
 
     let depth = pictures.join("train/Take1/depth/depth_000003.png");
     let bytes = fs::read(&depth).unwrap();

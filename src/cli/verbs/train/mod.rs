@@ -36,7 +36,7 @@ pub struct Train {
     /// What to learn from [default: scans; RGB-D where there are no scans]
     #[arg(long, value_enum, value_name = "KIND")]
     from: Option<Kind>,
-    /// Where scans have no bodies: MediaPipe's package, as for `register`
+    /// Where scans or pictures have no bodies: MediaPipe's package, as for `register`
     #[arg(long, value_name = "PACKAGE")]
     models: Option<PathBuf>,
     #[command(flatten)]
@@ -61,11 +61,9 @@ impl Train {
             let kind = Kind::of(&self.subject, self.from);
             (self.new_configuration(kind)?, kind)
         };
-        if kind == Kind::Scans {
-            match registered_first(&self.subject, &self.out, self.models.take())? {
-                Some(data) => self.subject.data = data,
-                None => return Ok(Outcome::Stopped),
-            }
+        match registered_first(&self.subject, kind, &self.out, self.models.take())? {
+            Some(data) => self.subject.data = data,
+            None => return Ok(Outcome::Stopped),
         }
         let opened = Captured::open(&self.subject, kind)?;
         let stop = stop::on_interrupt()?;
