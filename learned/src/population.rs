@@ -20,8 +20,8 @@ const SHAPES: usize = 10;
 const BLOCKS: usize = 2;
 /// How a block's directions vary: waves of about this length, metres.
 const WAVE: f64 = 0.25;
-/// Root mean square of a quaternion's entries in the poses, by which blocks are as large as their effect is wanted.
-const TYPICAL: f64 = 0.12;
+/// What a block of waves of height one does to a vertex in the poses, root mean square, by which blocks are as large as their effect is wanted.
+const TYPICAL: f64 = 0.29;
 /// Deviation of a joint's turn, radians: of the trunk, of limbs, of fingers, of the eyes and the jaw.
 const TURNS: [f32; 4] = [0.15, 0.4, 0.3, 0.1];
 /// Of the root's, about the vertical.
@@ -42,7 +42,7 @@ pub struct Population {
     pub poses: usize,
     /// Of every coordinate of a registration, metres.
     pub noise: f64,
-    /// What the correctives of a block do to a vertex about, metres.
+    /// What correctives do to a vertex of a body with SMPL's joints on average, metres.
     pub effect: f64,
     /// Whether people stand on the ground, y = 0, which presses their feet.
     pub ground: bool,

@@ -4,6 +4,7 @@
 mod cholesky;
 mod file;
 mod fitted_body;
+mod gathered;
 mod identity;
 mod mirror;
 mod person;

@@ -8,6 +8,7 @@ use nalgebra::DMatrix;
 use xavatar_register::linear::{Basis, Besides, FramePose, NormalEquations, PosedChain, PosedPoints, Row, Unknowns};
 
 use super::FittedBody;
+use super::gathered::Gathered;
 use super::procrustes::first_pose;
 
 /// Steps at most.
@@ -15,7 +16,7 @@ const STEPS: usize = 40;
 /// Tries of one step.
 const TRIES: usize = 8;
 /// Fits end when a step lowers the sum by a smaller share.
-const CONVERGED: f64 = 1e-6;
+const CONVERGED: f64 = 3e-5;
 /// What holds an unknown that nothing depends on, metres^2.
 const EPSILON: f64 = 1e-9;
 
@@ -102,16 +103,15 @@ fn equations(
     unknowns: &Unknowns,
 ) -> NormalEquations {
     let basis = Basis { linkage: &body.linkage, chain, unknowns };
-    let mut equations = NormalEquations::new(unknowns.count());
-    let mut row = Row::default();
+    let (mut gathered, mut row) = (Gathered::default(), Row::default());
     for (index, target) in targets.iter().enumerate() {
         let residual = posed.positions[index] - *target;
         for axis in DVec3::AXES {
             body.sampled.row(basis, posed, index, axis, &mut row);
-            equations.add(&row, residual.dot(axis), 1.0);
+            gathered.add(&row, residual.dot(axis));
         }
     }
-    equations
+    gathered.equations(unknowns.count())
 }
 
 /// The damped step; none if the equations cannot be solved.

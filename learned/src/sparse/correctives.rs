@@ -33,10 +33,21 @@ impl SparseCorrectives {
         self.vertices.par_iter().map(|blocks| blocks.iter().map(of_block).sum()).collect()
     }
 
+    /// How many blocks there are.
+    pub fn blocks(&self) -> usize {
+        self.vertices.iter().map(Vec::len).sum()
+    }
+
+    /// The blocks none of whose directions is as long as `length`.
+    pub fn shorter_than(&self, length: f64) -> Self {
+        let is_short = |(_, block): &&(usize, [DVec3; PER_JOINT])| block.iter().all(|offset| offset.length() < length);
+        let of_vertex = |blocks: &VertexBlocks| blocks.iter().filter(is_short).copied().collect();
+        Self { vertices: self.vertices.iter().map(of_vertex).collect() }
+    }
+
     /// The share of blocks that there are, of all that there could be for so many groups.
     pub fn density(&self, groups: usize) -> f64 {
-        let blocks: usize = self.vertices.iter().map(Vec::len).sum();
-        blocks as f64 / (groups * self.vertices.len()).max(1) as f64
+        self.blocks() as f64 / (groups * self.vertices.len()).max(1) as f64
     }
 
     /// As a body of J joints has them.

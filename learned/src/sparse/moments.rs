@@ -91,18 +91,6 @@ impl Moments {
         self.frames += count;
     }
 
-    /// The sums over the frames of both.
-    pub fn joined(&self, other: &Self) -> Self {
-        let sum = |one: &[f64], other: &[f64]| one.iter().zip(other).map(|(one, other)| one + other).collect();
-        Self {
-            features: self.features,
-            frames: self.frames + other.frames,
-            gram: sum(&self.gram, &other.gram),
-            squares: sum(&self.squares, &other.squares),
-            crossed: sum(&self.crossed, &other.crossed),
-        }
-    }
-
     /// A vertex's group lasso, at these prices of groups.
     pub fn problem<'a>(&'a self, vertex: usize, prices: &'a [f64]) -> GroupProblem<'a> {
         GroupProblem { crossed: self.crossed(vertex), frames: self.frames, prices }

@@ -37,7 +37,7 @@ pub enum Kind {
 /// The correctives that were chosen, and why.
 #[derive(Clone, Debug)]
 pub struct Chosen {
-    /// Fitted to all frames.
+    /// Fitted to the frames that are not held out.
     pub correctives: SparseCorrectives,
     /// The group lasso's price, or the ridge's.
     pub price: f64,
@@ -45,8 +45,9 @@ pub struct Chosen {
     pub threshold: f64,
 }
 
-/// The correctives that do best on `held` frames, trained on `trained` ones and then fitted to both. `distances` (groups, V) say how far joints are.
-pub fn chosen(kind: Kind, trained: &Moments, held: &Moments, distances: &[Vec<f64>]) -> Chosen {
+/// The correctives that do best on `held` frames, fitted to `trained` ones alone, so that rounds are judged by frames that nothing was fitted to. `distances` (groups, V) say how far
+/// joints are; what is chosen for sparse ones is then multiplied by `strictness`.
+pub fn chosen(kind: Kind, trained: &Moments, held: &Moments, distances: &[Vec<f64>], strictness: f64) -> Chosen {
     let vertices = trained.squares.len();
     let none = Chosen { correctives: SparseCorrectives::none(vertices), price: f64::INFINITY, threshold: 0.0 };
     if trained.frames < 2 {
@@ -55,7 +56,7 @@ pub fn chosen(kind: Kind, trained: &Moments, held: &Moments, distances: &[Vec<f6
     match kind {
         Kind::Plain => none,
         Kind::Dense => dense(trained, held),
-        Kind::Sparse => sparse(trained, held, &prices(distances, vertices)),
+        Kind::Sparse => sparse(trained, held, &prices(distances, vertices), strictness),
     }
 }
 
@@ -69,7 +70,7 @@ fn prices(distances: &[Vec<f64>], vertices: usize) -> Vec<Vec<f64>> {
     (0..vertices).map(price).collect()
 }
 
-fn sparse(trained: &Moments, held: &Moments, prices: &[Vec<f64>]) -> Chosen {
+fn sparse(trained: &Moments, held: &Moments, prices: &[Vec<f64>], strictness: f64) -> Chosen {
     let lasso = GroupLasso::new(&trained.gram, trained.features, trained.frames);
     let judge = GroupLasso::new(&held.gram, held.features, held.frames);
     let judges: Vec<usize> = judges(prices.len());
@@ -100,15 +101,14 @@ fn sparse(trained: &Moments, held: &Moments, prices: &[Vec<f64>]) -> Chosen {
         .flat_map(|price| (0..THRESHOLDS.len()).rev().map(move |threshold| price * THRESHOLDS.len() + threshold))
         .collect();
     let pick = within_one_error(&errors, &order);
-    let (price, threshold) = (path[pick / THRESHOLDS.len()], THRESHOLDS[pick % THRESHOLDS.len()]);
-    let whole = trained.joined(held);
-    let lasso = GroupLasso::new(&whole.gram, whole.features, whole.frames);
+    let (price, threshold) =
+        (strictness * path[pick / THRESHOLDS.len()], strictness * THRESHOLDS[pick % THRESHOLDS.len()]);
     let of_vertex = |vertex: usize| {
         let own: Vec<f64> = prices[vertex].iter().map(|weight| weight * price).collect();
-        let blocks = lasso.solve(whole.problem(vertex, &own), &[]);
+        let blocks = lasso.solve(trained.problem(vertex, &own), &[]);
         let support: Vec<usize> = blocks.iter().map(|(group, _)| *group).collect();
-        let full = lasso.refit(whole.crossed(vertex), whole.frames, &support);
-        directions(pruned(&lasso, &whole, vertex, &full, threshold))
+        let full = lasso.refit(trained.crossed(vertex), trained.frames, &support);
+        directions(pruned(&lasso, trained, vertex, &full, threshold))
     };
     let vertices = (0..prices.len()).into_par_iter().map(of_vertex).collect();
     Chosen { correctives: SparseCorrectives { vertices }, price, threshold }
@@ -151,15 +151,15 @@ fn judges(vertices: usize) -> Vec<usize> {
 
 fn dense(trained: &Moments, held: &Moments) -> Chosen {
     let judges = judges(trained.squares.len());
-    let ridge = |moments: &Moments, share: f64| {
-        let width = moments.features;
-        let mut matrix = DMatrix::from_row_slice(width, width, &moments.gram);
+    let ridge = |share: f64| {
+        let width = trained.features;
+        let mut matrix = DMatrix::from_row_slice(width, width, &trained.gram);
         let added = share * matrix.trace() / width as f64;
         (0..width).for_each(|place| matrix[(place, place)] += added);
         matrix.cholesky()
     };
-    let solved = |cholesky: &nalgebra::Cholesky<f64, nalgebra::Dyn>, moments: &Moments, vertex: usize| {
-        let crossed = moments.crossed(vertex);
+    let solved = |cholesky: &nalgebra::Cholesky<f64, nalgebra::Dyn>, vertex: usize| {
+        let crossed = trained.crossed(vertex);
         let columns = [0, 1, 2].map(|axis| DVector::from_iterator(crossed.len(), crossed.iter().map(|row| row[axis])));
         let solution = columns.map(|column| cholesky.solve(&column));
         let block =
@@ -168,19 +168,15 @@ fn dense(trained: &Moments, held: &Moments) -> Chosen {
     };
     let judge = GroupLasso::new(&held.gram, held.features, held.frames);
     let error = |share: &f64| -> f64 {
-        let Some(cholesky) = ridge(trained, *share) else { return f64::INFINITY };
-        let of_vertex =
-            |vertex: &usize| judge.gain(held.crossed(*vertex), held.frames, &solved(&cholesky, trained, *vertex));
+        let Some(cholesky) = ridge(*share) else { return f64::INFINITY };
+        let of_vertex = |vertex: &usize| judge.gain(held.crossed(*vertex), held.frames, &solved(&cholesky, *vertex));
         judges.par_iter().map(of_vertex).collect::<Vec<f64>>().iter().sum()
     };
     let best = RIDGES.into_iter().min_by(|one, other| error(one).total_cmp(&error(other))).unwrap_or(1.0);
-    let whole = trained.joined(held);
-    let vertices = match ridge(&whole, best) {
-        Some(cholesky) => (0..whole.squares.len())
-            .into_par_iter()
-            .map(|vertex| directions(solved(&cholesky, &whole, vertex)))
-            .collect(),
-        None => vec![Vec::new(); whole.squares.len()],
+    let count = trained.squares.len();
+    let vertices = match ridge(best) {
+        Some(cholesky) => (0..count).into_par_iter().map(|vertex| directions(solved(&cholesky, vertex))).collect(),
+        None => vec![Vec::new(); count],
     };
     Chosen { correctives: SparseCorrectives { vertices }, price: best, threshold: 0.0 }
 }

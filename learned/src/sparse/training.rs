@@ -10,6 +10,7 @@ use xavatar_body::BodyModel;
 use xavatar_formats::{ArrayMap, Error, Result};
 use xavatar_register::linear::{FramePose, PosedChain};
 
+use super::acceleration::Acceleration;
 use super::correctives::{PER_JOINT, SparseCorrectives};
 use super::geodesic::distances_to_joints;
 use super::heaviness::heaviest_second;
@@ -29,6 +30,9 @@ const ROUNDS: usize = 12;
 const CONVERGED: f64 = 0.005;
 /// Of so many frames of a subject one is held out.
 const HELD_OUT: usize = 10;
+/// How many times dearer sparse correctives are in the first round, and how much of that is left after each: none from the fifth on.
+const STRICTEST: f64 = 4.0;
+const EASED: f64 = 0.7;
 /// Shapes that are kept.
 const SHAPES: usize = 300;
 /// How often poses and identity are found in turn, in the first round and in others.
@@ -167,7 +171,7 @@ impl Training {
             let distance = sums.distance.0 / sums.distance.1.max(1) as f64;
             let settled = held_out.last().is_some_and(|before: &f64| distance > before * (1.0 - CONVERGED));
             held_out.push(distance);
-            if settled && round > 1 {
+            if settled && round > 1 && self.strictness(round - 1) == 1.0 {
                 break;
             }
             let weights = weight_rows(&state.model);
@@ -177,9 +181,13 @@ impl Training {
                 &parents,
                 start.faces(),
             );
-            let Chosen { correctives, .. } = chosen(self.kind, &sums.trained, &sums.held, &distances);
+            let Chosen { correctives, .. } =
+                chosen(self.kind, &sums.trained, &sums.held, &distances, self.strictness(round));
             let weights = if self.weights && round > 0 { sums.weights.solve() } else { weights };
             let from = std::mem::take(&mut state.correctives);
+            if self.strictness(round) > 1.0 {
+                *acceleration = Acceleration::default();
+            }
             state.correctives = acceleration.next(from, correctives);
             state.model = with_skin(&state.model, &weights, state.correctives.to_body(parents.len()))?;
             alternation.round += 1;
@@ -191,6 +199,15 @@ impl Training {
             state.correctives = found.clone();
         }
         self.finished(state, held_out, mirror.is_some()).map(Some)
+    }
+
+    /// What prices and thresholds are multiplied by in a round. The first poses are of a body without correctives and have taken up what correctives should;
+    /// few blocks, those that matter most, bring them back before others are let in to explain what is left.
+    fn strictness(self, round: usize) -> f64 {
+        match self.kind {
+            Kind::Sparse => (STRICTEST * EASED.powi(round as i32)).max(1.0),
+            Kind::Plain | Kind::Dense => 1.0,
+        }
     }
 
     fn check(self, start: &BodyModel) -> Result<()> {

@@ -1,8 +1,11 @@
 //! How well a body fits registrations that it was not trained on (METHOD-BODY section 7): the mean distance of a vertex after fitting.
 //!
 //! *Shapes*: every frame's pose and first k coefficients, for some k. *Poses*: the shape of a subject's first frame, frozen, and the pose of the
-//! others. Expressions are fitted where the body has any. AUC is the area under the share of vertices nearer than d, d from 0 to 10 mm. Metres, but what
+//! others. *Space*: compactness, generalisation, specificity of the shapes. *Pruning*: what correctives are worth that few vertices need. Expressions are fitted where the body has any. AUC is the area under the share of vertices nearer than d, d from 0 to 10 mm. Metres, but what
 //! is named in millimetres.
+
+mod pruning;
+mod space;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -10,11 +13,15 @@ use serde::Serialize;
 use xavatar_body::{Anatomy, BlendShapes, BodyModel, Correctives, JointBasis};
 use xavatar_formats::Result;
 
+use self::pruning::Pruning;
+use self::space::{Space, at_rest};
 use crate::core::{Fitted, FittedBody, PoseFit, shaped};
 use crate::feet::{Feet, Stance, is_in_contact};
 use crate::registrations::Registrations;
 use crate::sparse::SparseCorrectives;
 use crate::truth::KnownTruth;
+
+pub use self::pruning::AtLevel;
 
 /// Where the area under the curve ends, metres.
 const AREA: f64 = 0.01;
@@ -34,6 +41,8 @@ pub struct Evaluation {
     pub poses_mm: Option<f64>,
     /// With all coefficients, by subject.
     pub by_subject: Vec<OfSubject>,
+    /// What pruning costs, of a body whose correctives are of joints but the root, by quaternions.
+    pub pruning: Vec<AtLevel>,
     /// Of feet on the ground, of a body that knows what the ground does to them.
     pub feet: Option<OfFeet>,
     /// Where the truth is known.
@@ -87,6 +96,12 @@ pub struct AtCoefficients {
     pub mean_mm: f64,
     /// The area under the cumulative curve, 0 to 1.
     pub auc: f64,
+    /// The share of the variance of the body's shapes; none without shapes.
+    pub compactness: Option<f64>,
+    /// How far people at rest are from what these coefficients make of them, the mean distance of a vertex, millimetres.
+    pub generalisation_mm: Option<f64>,
+    /// How far people drawn from these coefficients are from the nearest of them, millimetres.
+    pub specificity_mm: Option<f64>,
 }
 
 /// Of one subject.
@@ -134,6 +149,10 @@ pub fn evaluate(
     let fit = PoseFit { shape: true, expression };
     let mut of_counts: Vec<Vec<Distances>> = vec![Vec::new(); counts.len()];
     let (mut poses, mut by_subject, mut joints) = (Vec::new(), Vec::new(), Vec::new());
+    let mut pruning = SparseCorrectives::of_body(model.correctives(), model.vertex_count())
+        .filter(|correctives| correctives.blocks() > 0)
+        .map(|correctives| Pruning::of(&correctives));
+    let mut people = Vec::new();
     let mut of_feet = [Pressed::default(), Pressed::default()];
     for (done, subject) in registrations.subjects.iter().enumerate() {
         progress(done as f64 / registrations.subjects.len() as f64)?;
@@ -150,6 +169,10 @@ pub fn evaluate(
             );
         }
         let Some(body) = bodies.last() else { continue };
+        people.push(at_rest(model, body, &frames, &found));
+        if let Some(pruning) = &mut pruning {
+            found.iter().for_each(|found| pruning.add(&found.pose));
+        }
         if let Some(known) = truth.and_then(|truth| truth.joints.get(&subject.name)) {
             joints.extend(found.iter().zip(known).map(|(found, known)| joint_distance(body, found, known)));
         }
@@ -171,10 +194,17 @@ pub fn evaluate(
         };
         poses.extend((1..frames.len()).into_par_iter().map(frozen).collect::<Vec<_>>());
     }
-    let at = |(coefficients, distances): (&usize, &Vec<Distances>)| AtCoefficients {
-        coefficients: *coefficients,
-        mean_mm: 1e3 * mean(distances, |of| of.mean),
-        auc: mean(distances, |of| of.area),
+    let space = Space::of(model, &people);
+    let at = |(coefficients, distances): (&usize, &Vec<Distances>)| {
+        let of_space = space.measures(*coefficients);
+        AtCoefficients {
+            coefficients: *coefficients,
+            mean_mm: 1e3 * mean(distances, |of| of.mean),
+            auc: mean(distances, |of| of.area),
+            compactness: of_space.as_ref().map(|of| of.compactness),
+            generalisation_mm: of_space.as_ref().map(|of| 1e3 * of.generalisation),
+            specificity_mm: of_space.as_ref().map(|of| 1e3 * of.specificity),
+        }
     };
     Ok(Evaluation {
         frames: registrations.frames(),
@@ -182,6 +212,7 @@ pub fn evaluate(
         shapes: counts.iter().zip(&of_counts).map(at).collect(),
         poses_mm: (!poses.is_empty()).then(|| 1e3 * mean(&poses, |of| of.mean)),
         by_subject,
+        pruning: pruning.map_or_else(Vec::new, |pruning| pruning.levels()),
         feet: on_ground.map(|_| {
             let [in_contact, others] = of_feet.map(Pressed::mean);
             OfFeet { in_contact, others }
