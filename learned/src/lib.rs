@@ -19,6 +19,7 @@ pub mod feet;
 pub mod kept;
 mod named_arrays;
 pub mod personal;
+pub mod pictures;
 pub mod population;
 #[cfg(test)]
 mod reference;

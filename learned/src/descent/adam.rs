@@ -103,7 +103,7 @@ impl Adam {
 
 #[cfg(test)]
 mod tests {
-    use candle_core::DType;
+    use candle_core::{DType, Device};
 
     use super::*;
 
@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn steps_are_the_formulas() {
         let mut parameters = Parameters::new(0, DType::F64);
-        let theta = parameters.zeros("theta", &[1]).unwrap();
+        let theta = parameters.given("theta", &Tensor::zeros(1, DType::F64, &Device::Cpu).unwrap()).unwrap();
         let mut adam = Adam::new(&parameters, |_| Rate { rate: 0.1, decay: 0.5 }).unwrap();
         let mut step = || {
             let gradients = (&theta * 2.0).unwrap().sum_all().unwrap().backward().unwrap();
