@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use candle_core::{DType, Device, Tensor};
-use glam::{DMat3, DQuat, DVec3, EulerRot, Mat3, Vec3};
+use glam::{DQuat, DVec3, EulerRot, Mat3, Vec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use xavatar_formats::{Error, Result};
@@ -36,8 +36,8 @@ const SIDE: usize = 64;
 const CHANNELS: usize = 4;
 /// How far a camera turns a body about y, x and z, radians.
 const TURNS: DVec3 = DVec3::new(FRAC_PI_3, 0.2, 0.1);
-/// Half pictures that a metre is, and how much more at most; how far the middle is away from the picture's, half pictures.
-const SIZE: [f64; 2] = [0.75, 0.15];
+/// Half pictures that a metre is, and how much more at most; how far the body's middle is away from the picture's, half pictures.
+const SIZE: [f64; 2] = [0.9, 0.1];
 const AWAY: f64 = 0.1;
 /// So far away that perspective is weak, metres.
 const FAR: f64 = 100.0;
@@ -102,8 +102,12 @@ fn drawn(body: &BlsmBody, shapes: &[Vec<DVec3>], views: usize) -> Result<Drawn> 
     let (mut pixels, mut cameras, mut all) = (Vec::new(), Vec::new(), Vec::new());
     for shape in shapes.iter().flat_map(|shape| std::iter::repeat_n(shape, views)) {
         let turn = DQuat::from_euler(EulerRot::YXZ, uniform(TURNS.x), uniform(TURNS.y), uniform(TURNS.z));
-        let (away, size) = ([uniform(AWAY), uniform(AWAY)], SIZE[0] + uniform(SIZE[1]));
-        pixels.extend(picture(body, shape, DMat3::from_quat(turn), away, size)?);
+        let turned: Vec<DVec3> = shape.iter().map(|place| turn * *place).collect();
+        let low = turned.iter().copied().fold(DVec3::MAX, DVec3::min);
+        let high = turned.iter().copied().fold(DVec3::MIN, DVec3::max);
+        let (middle, size) = ((low + high) / 2.0, SIZE[0] + uniform(SIZE[1]));
+        let away = [uniform(AWAY) - size * middle.x, uniform(AWAY) - size * middle.y];
+        pixels.extend(picture(body, &turned, away, size)?);
         cameras.extend(turn.to_array().into_iter().chain(away).chain([size]));
         all.push(shape.clone());
     }
@@ -143,9 +147,9 @@ fn landmarks(body: &BlsmBody) -> Vec<f64> {
     rows
 }
 
-/// Outline and normals, by channel, row by row, of a body that a camera turns, moves and sizes.
-fn picture(body: &BlsmBody, shape: &[DVec3], turn: DMat3, away: [f64; 2], size: f64) -> Result<Vec<f32>> {
-    let vertices = shape.iter().map(|place| (turn * *place).as_vec3()).collect();
+/// Outline and normals, by channel, row by row, of a turned body's shape that a camera moves and sizes.
+fn picture(body: &BlsmBody, turned: &[DVec3], away: [f64; 2], size: f64) -> Result<Vec<f32>> {
+    let vertices = turned.iter().map(|place| place.as_vec3()).collect();
     let mesh = TriangleMesh { vertices, faces: body.faces.clone(), ..TriangleMesh::default() };
     let half = SIDE as f64 / 2.0;
     let focal = (half * size * FAR) as f32;
