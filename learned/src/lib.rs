@@ -2,7 +2,7 @@
 //!
 //! [`registrations`] finds what a user has, [`population`] makes some up whose truth is known. [`core`] is what every training shares: the pose of a
 //! registration, un-posing, template and joints, weights, shapes, the file. [`sparse`] trains STAR's and SUPR's correctives, [`personal`] a body
-//! of one person from a few registrations, with how sure it is, [`blsm`] one whose bones and flesh are apart. [`spiral`] has networks on meshes, [`feet`] those of what the ground does to feet, [`descent`] trains either, on candle; [`kept`] is what a training is gone on with from.
+//! of one person from a few registrations, with how sure it is, [`blsm`] one whose bones and flesh are apart. [`spiral`] has networks on meshes, [`feet`] those of what the ground does to feet, [`pictures`] one that finds bodies in pictures, [`descent`] trains them, on candle; [`kept`] is what a training is gone on with from.
 //! [`attributes`] makes people of a height and a weight, [`evaluation`] measures. What comes out are body files like any other.
 //!
 //! Everything is computed in double precision, with the same bits whatever the threads; but for the networks, which learn in single
@@ -19,6 +19,7 @@ pub mod feet;
 pub mod kept;
 mod named_arrays;
 pub mod personal;
+pub mod pictures;
 pub mod population;
 #[cfg(test)]
 mod reference;

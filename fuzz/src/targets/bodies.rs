@@ -2,10 +2,13 @@
 
 use std::path::Path;
 
+use glam::{DVec3, Vec3};
 use xavatar::body::{BodyModel, Coefficients};
-use xavatar::formats::{Array, ArrayData, ArrayFile, ArrayMap, npy_bytes, parse_npy};
+use xavatar::formats::{Array, ArrayData, ArrayFile, ArrayMap, Result, npy_bytes, parse_npy};
 use xavatar::learned::blsm::{BlsmBody, FleshedBody};
 use xavatar::learned::feet::Feet;
+use xavatar::learned::spiral::{AutodecoderTraining, Level, Pooling};
+use xavatar::mesh::TriangleMesh;
 
 /// What stands between arrays: npy files, each after a line with its name.
 const BETWEEN: &[u8] = b"|NPY";
@@ -52,7 +55,25 @@ pub(super) fn blsm(bytes: &[u8]) -> bool {
 }
 
 pub(super) fn blsm_seeds() -> Vec<Vec<u8>> {
-    smallest_smpl().map(|model| together(&BlsmBody::of(&model).to_arrays())).into_iter().collect()
+    let Some(body) = smallest_smpl().map(|model| BlsmBody::of(&model)) else { return Vec::new() };
+    let linear = body.to_arrays();
+    let mut seeds = vec![together(&linear)];
+    if let Ok(flesh) = smallest_flesh(&body) {
+        seeds.push(together(&linear.into_iter().chain(flesh).collect()));
+    }
+    seeds
+}
+
+/// An auto-decoder of one code, on two levels of the same vertices.
+fn smallest_flesh(body: &BlsmBody) -> Result<ArrayMap> {
+    let vertices: Vec<Vec3> = body.template.iter().map(|place| place.as_vec3()).collect();
+    let kept = (0..vertices.len() as u32).collect();
+    let mesh = TriangleMesh { vertices, faces: body.faces.clone(), ..TriangleMesh::default() };
+    let pooling = Pooling::new(&body.template, kept, &mesh)?;
+    let level = |from_finer| Level { points: body.template.clone(), faces: body.faces.clone(), from_finer };
+    let people = [-0.01, 0.01].map(|offset| vec![DVec3::splat(offset); body.template.len()]);
+    let training = AutodecoderTraining::new(vec![level(None), level(Some(pooling))], &people, 1, 0)?;
+    training.finished()?.0.to_arrays()
 }
 
 /// Feet beside the body that they are of.

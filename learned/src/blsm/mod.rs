@@ -22,6 +22,7 @@ mod shared;
 mod skeleton;
 mod spiral_body;
 mod state;
+mod takes;
 mod training;
 mod whole_bodies;
 

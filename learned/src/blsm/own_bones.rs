@@ -4,6 +4,8 @@
 //! Gauss and Newton eliminates each vertex's: (sum D^T D - C^T N^-1 C) d = -(sum D^T r - C^T N^-1 sum L^T r), N = sum_f L^T L, C = sum_f L^T D. Then flesh
 //! itself. Some frames are enough for bones.
 
+use std::ops::Range;
+
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -17,6 +19,8 @@ use crate::core::Factor;
 const STEPS: [usize; 2] = [6, 3];
 /// In which coefficients of a few modes are found.
 const MODE_STEPS: usize = 2;
+/// How often flesh and poses of some frames alone are found, each with the other.
+const REFITS: usize = 2;
 /// Vertices of each joint that bones are found by at first; then all are: of the trunk, where little turns, every one counts.
 const OF_JOINT: usize = 64;
 /// Frames that bones are found in, at most.
@@ -76,6 +80,15 @@ impl Person {
             self.flesh = own.flesh(registrations, &self.frames);
         }
         self.refit(&own, registrations);
+    }
+
+    /// The same person in some of the frames, with the flesh of these alone and poses that go with it.
+    pub fn within(&self, body: &BlsmBody, registrations: &[Vec<DVec3>], frames: Range<usize>) -> Self {
+        let own = body.without_flesh();
+        let mut person = Self { frames: self.frames[frames].to_vec(), ..self.clone() };
+        (0..REFITS).for_each(|_| person.refit(&own, registrations));
+        person.flesh = own.with_flesh(&person.flesh).flesh(registrations, &person.frames);
+        person
     }
 
     /// Finds flesh and poses again at the bones that frames have, of a body without shapes and correctives.

@@ -25,8 +25,10 @@ pub(super) struct Steps {
     pub people: Vec<Person>,
     /// The step in which each person was found last.
     pub found: Vec<usize>,
-    /// Each person's coefficients: bones, then shapes.
-    pub coefficients: Vec<[Vec<f64>; 2]>,
+    /// Each person's coefficients of bones.
+    pub bones: Vec<Vec<f64>>,
+    /// Each take's coefficients of shape.
+    pub shapes: Vec<Vec<f64>>,
     /// The share of the variance of lengths that the modes of bones have.
     pub explained: f64,
     /// After each round.
@@ -41,7 +43,8 @@ impl Steps {
             body: BlsmBody::of(start),
             people: Vec::new(),
             found: Vec::new(),
-            coefficients: Vec::new(),
+            bones: Vec::new(),
+            shapes: Vec::new(),
             explained: 0.0,
             distances: Vec::new(),
         };
@@ -49,8 +52,7 @@ impl Steps {
             let file = NamedArrays::of_state(&path, &arrays);
             steps.step = count_of(&path, &arrays, STEP)? as usize;
             steps.body = BlsmBody::from_arrays(&path, &arrays)?;
-            let [bones, shapes] = [rows(file, "people.bones")?, rows(file, "people.shapes")?];
-            steps.coefficients = bones.into_iter().zip(shapes).map(|(bones, shapes)| [bones, shapes]).collect();
+            (steps.bones, steps.shapes) = (rows(file, "people.bones")?, rows(file, "takes.shapes")?);
             steps.explained = file.numbers("explained", &[])?[0];
             steps.distances = file.list("distances")?;
         }
@@ -65,16 +67,12 @@ impl Steps {
     /// Keeps what the next step starts from.
     pub fn keep(&self, kept: &mut Kept<'_>) -> Result<()> {
         kept.keep(STEP, || {
-            let people = self.coefficients.len();
-            let of_people = |kind: usize| {
-                let width = self.coefficients.first().map_or(0, |own| own[kind].len());
-                array(&[people, width], self.coefficients.iter().flat_map(|own| own[kind].clone()).collect())
-            };
+            let table = |rows: &[Vec<f64>]| array(&[rows.len(), rows.first().map_or(0, Vec::len)], rows.concat());
             let mut arrays = self.body.to_arrays();
             arrays.extend([
                 (STEP.to_owned(), of_count(self.step as u64)),
-                ("people.bones".to_owned(), of_people(0)),
-                ("people.shapes".to_owned(), of_people(1)),
+                ("people.bones".to_owned(), table(&self.bones)),
+                ("takes.shapes".to_owned(), table(&self.shapes)),
                 ("explained".to_owned(), array(&[], vec![self.explained])),
                 ("distances".to_owned(), array(&[self.distances.len()], self.distances.clone())),
             ]);

@@ -2,7 +2,7 @@
 //!
 //! (a) Every person's poses, bones, each free, and flesh T; (b) the modes of the bones' lengths; (c) poses and flesh again with bones of these modes;
 //! (d) template and correctives are least squares of all people's T on [1 | c_b]; (f) shapes are principal components of what is left; (g) weights, by
-//! what each joint alone would do to T. V vertices; metres.
+//! what each joint alone would do to T. Takes of a person, each a folder, share bones; flesh each has its own, as clothes are other ones. V vertices; metres.
 
 use glam::DVec3;
 use nalgebra::DMatrix;
@@ -14,6 +14,7 @@ use super::bones::{BoneModes, bone_modes};
 use super::own_bones::Person;
 use super::people_bones::{SaidOfBones, bones_of_people};
 use super::state::Steps;
+use super::takes::{Take, takes_of};
 use super::{Atoms, BlsmBody, BlsmFit, BlsmParameters, ScaledSkeleton};
 use crate::core::{Grown, Identity, WeightMoments, WeightRow, shapes_of, weight_rows};
 use crate::kept::Kept;
@@ -43,13 +44,15 @@ pub struct BlsmTraining {
 pub struct TrainedBlsm {
     /// The body.
     pub body: BlsmBody,
-    /// Each person's coefficients: bones, then shapes.
-    pub people: Vec<[Vec<f64>; 2]>,
+    /// Each person's coefficients of bones.
+    pub people: Vec<Vec<f64>>,
+    /// Each take's coefficients of shape, in the order of people.
+    pub takes: Vec<Vec<f64>>,
     /// The share of the variance of lengths that the modes of bones have.
     pub explained: f64,
     /// The mean distance of a vertex of the registrations after each round, metres.
     pub distances: Vec<f64>,
-    /// What each person's flesh has beside the template and what it does with the bones (N, V).
+    /// What the flesh of each take has beside the template and what it does with the bones (N, V).
     pub flesh: Vec<Vec<DVec3>>,
 }
 
@@ -85,7 +88,7 @@ impl BlsmTraining {
                 let frames = registrations.read_all(subject)?;
                 let person = match before {
                     Some(mut person) if !is_free => {
-                        let bones = &steps.coefficients[index][0];
+                        let bones = &steps.bones[index];
                         person.frames.iter_mut().for_each(|frame| frame.bones.clone_from(bones));
                         person.find_modes(&steps.body, &frames);
                         person
@@ -97,7 +100,7 @@ impl BlsmTraining {
             if is_free {
                 let modes = modes_of(&free, steps.people.iter_mut());
                 steps.explained = modes.explained.iter().take(modes.basis.len()).sum();
-                steps.coefficients = modes.coefficients.into_iter().map(|bones| [bones, Vec::new()]).collect();
+                steps.bones = modes.coefficients;
                 steps.body.set_modes(modes.mean, modes.basis);
             } else {
                 self.find_flesh(&mut steps, &grown, registrations)?;
@@ -105,23 +108,22 @@ impl BlsmTraining {
             steps.step += 1;
             steps.keep(kept)?;
         }
-        let Steps { body, people, coefficients, explained, distances, .. } = steps;
-        let own = |(person, [bones, _]): (&Person, &[Vec<f64>; 2])| body.own_flesh(&person.flesh, bones);
-        let flesh = people.iter().zip(&coefficients).map(own).collect();
-        Ok(Some(TrainedBlsm { people: coefficients, explained, distances, flesh, body }))
+        let flesh = takes_of(&steps.body, registrations, &steps.people)?;
+        let flesh = flesh.iter().map(|take| steps.body.own_flesh(&take.own.flesh, &steps.bones[take.person])).collect();
+        let Steps { body, bones, shapes, explained, distances, .. } = steps;
+        Ok(Some(TrainedBlsm { people: bones, takes: shapes, explained, distances, flesh, body }))
     }
 
     /// Template, correctives, shapes and weights of people whose poses, bones and flesh were found, and how near they are.
     fn find_flesh(&self, steps: &mut Steps, grown: &Grown, registrations: &Registrations) -> Result<()> {
-        let Steps { body, people, coefficients, distances, .. } = steps;
-        let bones: Vec<Vec<f64>> = people.iter().map(|person| person.frames[0].bones.clone()).collect();
-        let flesh: Vec<&Vec<DVec3>> = people.iter().map(|person| &person.flesh).collect();
-        let shapes = body.learn_flesh(&flesh, &bones, self.shapes);
+        let Steps { body, people, bones, shapes, distances, .. } = steps;
+        *bones = people.iter().map(|person| person.frames[0].bones.clone()).collect();
+        let takes = takes_of(body, registrations, people)?;
+        *shapes = body.learn_flesh(&takes, bones, self.shapes);
         if !self.keep_weights {
-            body.weights = weights(body, grown, registrations, people)?;
+            body.weights = weights(body, grown, registrations, &takes)?;
         }
-        *coefficients = bones.into_iter().zip(shapes).map(|(bones, shape)| [bones, shape]).collect();
-        distances.push(distance(body, registrations, people, coefficients)?);
+        distances.push(distance(body, registrations, &takes, shapes)?);
         Ok(())
     }
 }
@@ -137,35 +139,33 @@ fn modes_of<'a>(free: &BlsmBody, people: impl Iterator<Item = &'a mut Person>) -
     bone_modes(&lengths, &free.rest_lengths(), SHARE, MODES)
 }
 
-/// Weights (V) by what each joint alone would do to people's flesh.
-fn weights(body: &BlsmBody, grown: &Grown, registrations: &Registrations, people: &[Person]) -> Result<Vec<WeightRow>> {
+/// Weights (V) by what each joint alone would do to the flesh of takes.
+fn weights(
+    body: &BlsmBody,
+    grown: &Grown,
+    registrations: &Registrations,
+    takes: &[Take<'_>],
+) -> Result<Vec<WeightRow>> {
     let mut moments = WeightMoments::new(grown);
     let plain = BlsmBody { shape_basis: Vec::new(), ..body.clone() };
-    for (subject, person) in registrations.subjects.iter().zip(people.iter()) {
-        for (path, parameters) in subject.frames.iter().zip(&person.frames) {
+    for Take { files, own, .. } in takes {
+        for (file, parameters) in files.iter().zip(&own.frames) {
             let skeleton = plain.posed(parameters).skeleton;
-            let moved = |vertex: usize, joint: usize| skeleton.moved(joint, person.flesh[vertex]);
-            moments.add(&registrations.read(path)?, moved);
+            moments.add(&registrations.read(file)?, |vertex, joint| skeleton.moved(joint, own.flesh[vertex]));
         }
     }
     Ok(moments.solve())
 }
 
-/// The mean distance of a vertex of the registrations from the body in its people's coefficients.
-fn distance(
-    body: &BlsmBody,
-    registrations: &Registrations,
-    people: &[Person],
-    coefficients: &[[Vec<f64>; 2]],
-) -> Result<f64> {
+/// The mean distance of a vertex of the registrations from the body in its people's bones and the shapes of their takes.
+fn distance(body: &BlsmBody, registrations: &Registrations, takes: &[Take<'_>], shapes: &[Vec<f64>]) -> Result<f64> {
     let fit = BlsmFit::new(body, 0.0);
     let mut sum = 0.0;
-    for ((subject, person), [bones, shape]) in registrations.subjects.iter().zip(people.iter()).zip(coefficients) {
-        let frames = registrations.read_all(subject)?;
-        let of_frame = |(frame, own): (&Vec<DVec3>, &BlsmParameters)| {
-            fit.distance(&BlsmParameters { bones: bones.clone(), shape: shape.clone(), ..own.clone() }, frame)
-        };
-        sum += frames.iter().zip(&person.frames).map(of_frame).sum::<f64>();
+    for (Take { files, own, .. }, shape) in takes.iter().zip(shapes) {
+        for (file, parameters) in files.iter().zip(&own.frames) {
+            let parameters = BlsmParameters { shape: shape.clone(), ..parameters.clone() };
+            sum += fit.distance(&parameters, &registrations.read(file)?);
+        }
     }
     Ok(sum / registrations.frames() as f64)
 }
@@ -239,30 +239,31 @@ impl BlsmBody {
         self.bone_correctives = vec![vec![DVec3::ZERO; self.template.len()]; self.bone_basis.len()];
     }
 
-    /// Template, correctives and shapes of people's flesh (N, V) and bones (N, K); the coefficients of their shapes.
-    fn learn_flesh(&mut self, flesh: &[&Vec<DVec3>], bones: &[Vec<f64>], shapes: usize) -> Vec<Vec<f64>> {
+    /// Template, correctives and shapes of takes (N) of people with these bones (P, K); the coefficients of the takes' shapes.
+    fn learn_flesh(&mut self, takes: &[Take<'_>], bones: &[Vec<f64>], shapes: usize) -> Vec<Vec<f64>> {
         let modes = self.bone_basis.len();
-        let design = DMatrix::from_fn(flesh.len(), modes + 1, |person, column| match column {
+        let design = DMatrix::from_fn(takes.len(), modes + 1, |take, column| match column {
             0 => 1.0,
-            mode => bones[person][mode - 1],
+            mode => bones[takes[take].person][mode - 1],
         });
         let mut normal = design.transpose() * &design;
         (1..=modes).for_each(|mode| normal[(mode, mode)] += RIDGE);
-        let Some(factor) = normal.cholesky() else { return vec![Vec::new(); flesh.len()] };
+        let Some(factor) = normal.cholesky() else { return vec![Vec::new(); takes.len()] };
         let solved = factor.solve(&design.transpose());
         let vertices = self.template.len();
         let of_column = |column: usize| -> Vec<DVec3> {
-            let place =
-                |vertex: usize| flesh.iter().enumerate().map(|(at, of)| of[vertex] * solved[(column, at)]).sum();
+            let place = |vertex: usize| {
+                takes.iter().enumerate().map(|(at, of)| of.own.flesh[vertex] * solved[(column, at)]).sum()
+            };
             (0..vertices).into_par_iter().map(place).collect()
         };
         self.bone_correctives = (1..=modes).map(of_column).collect();
         self.template = of_column(0);
-        let left = |(flesh, bones): (&&Vec<DVec3>, &Vec<f64>)| Identity {
-            template: self.own_flesh(flesh, bones),
+        let left = |take: &Take<'_>| Identity {
+            template: self.own_flesh(&take.own.flesh, &bones[take.person]),
             joints: Vec::new(),
         };
-        let residuals: Vec<Identity> = flesh.iter().zip(bones).map(left).collect();
+        let residuals: Vec<Identity> = takes.iter().map(left).collect();
         let space = shapes_of(&residuals, shapes);
         self.template.iter_mut().zip(&space.mean).for_each(|(place, mean)| *place += *mean);
         self.shape_basis = space.directions;

@@ -4,13 +4,16 @@
 //! vertices near the joint that is the joint and follows it, over the strongest directions (non-negative least squares). V vertices; metres.
 
 use glam::DVec3;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
-use xavatar_body::{JointFit, Motion, ShapeSpace};
+use xavatar_body::{JointFit, Motion};
 
 use super::Identity;
 
 /// Directions with a smaller share of the variance are rounding.
 const NOTHING: f64 = 1e-7;
+/// After so many it has long converged, if there is no NaN.
+const ITERATIONS: usize = 100_000;
 /// Directions that joints follow.
 const FOLLOWED: usize = 20;
 /// Entries of a row that are kept.
@@ -35,33 +38,54 @@ pub fn shapes_of(subjects: &[Identity], most: usize) -> Shapes {
     for subject in subjects {
         mean.iter_mut().zip(&subject.template).for_each(|(sum, place)| *sum += *place / count as f64);
     }
-    let offsets = |subject: &Identity| -> Vec<f64> {
-        subject.template.iter().zip(&mean).flat_map(|(place, mean)| (*place - *mean).to_array()).collect()
-    };
     let scale = 1.0 / (count.saturating_sub(1).max(1) as f64).sqrt();
-    let differences: Vec<Vec<f64>> = subjects.iter().map(offsets).collect();
-    let scaled: Vec<Vec<f64>> = differences.iter().map(|row| row.iter().map(|value| value * scale).collect()).collect();
-    let space = ShapeSpace::of_directions(mean.iter().flat_map(|place| place.to_array()).collect(), &scaled);
-    let total: f64 = space.variance.iter().sum();
-    let kept = space.variance.iter().take(most).take_while(|variance| **variance > NOTHING * total).count();
-    let along = |row: &[f64], direction: usize| -> f64 {
-        row.iter().zip(&space.basis[direction]).map(|(value, entry)| value * entry).sum::<f64>()
-            / space.variance[direction].sqrt()
+    let offset = |subject: &Identity| {
+        let places = subject.template.iter().zip(&mean);
+        places.flat_map(|(place, mean)| ((*place - *mean) * scale).to_array()).collect::<Vec<f64>>()
     };
+    // A column a subject.
+    let offsets = DMatrix::from_vec(3 * vertices, count, subjects.iter().flat_map(offset).collect());
+    let total = offsets.norm_squared();
+    let (variances, axes) = principal_axes(&offsets, most);
+    let kept = variances.iter().take_while(|variance| **variance > NOTHING * total).count();
+    let along: Vec<Vec<f64>> =
+        axes[..kept].iter().map(|axis| (offsets.tr_mul(axis) / scale).as_slice().to_vec()).collect();
     Shapes {
-        directions: (0..kept)
-            .map(|direction| {
-                let deviation = space.variance[direction].sqrt();
-                let rows = space.basis[direction].as_chunks::<3>().0;
-                rows.iter().map(|row| DVec3::from_array(*row) * deviation).collect()
+        directions: axes[..kept]
+            .iter()
+            .zip(&variances)
+            .map(|(axis, variance)| {
+                let places = axis.as_slice().as_chunks::<3>().0.iter();
+                places.map(|place| DVec3::from_array(*place) * variance.sqrt()).collect()
             })
             .collect(),
-        coefficients: differences
-            .iter()
-            .map(|row| (0..kept).map(|direction| along(row, direction)).collect())
+        coefficients: (0..count)
+            .map(|subject| {
+                along.iter().zip(&variances).map(|(along, variance)| along[subject] / variance.sqrt()).collect()
+            })
             .collect(),
         mean,
     }
+}
+
+/// The largest variances of columns (D, N) along axes (D) at right angles, the largest first; of each axis the largest entry is positive.
+fn principal_axes(columns: &DMatrix<f64>, most: usize) -> (Vec<f64>, Vec<DVector<f64>>) {
+    // Products of columns have the same variances as those of rows, and may be fewer.
+    let is_flat = columns.ncols() <= columns.nrows();
+    let products = if is_flat { columns.tr_mul(columns) } else { columns * columns.transpose() };
+    let parts = Some(products).filter(|products| !products.is_empty());
+    let parts = parts.and_then(|products| SymmetricEigen::try_new(products, f64::EPSILON, ITERATIONS));
+    let Some(parts) = parts else { return (Vec::new(), Vec::new()) };
+    let mut order: Vec<usize> = (0..parts.eigenvalues.len()).collect();
+    order.sort_by(|one, other| parts.eigenvalues[*other].total_cmp(&parts.eigenvalues[*one]));
+    order.truncate(most);
+    let axis = |at: &usize| {
+        let vector = parts.eigenvectors.column(*at);
+        let axis = if is_flat { (columns * vector).normalize() } else { vector.into_owned() };
+        let largest = axis.iter().copied().max_by(|one, other| one.abs().total_cmp(&other.abs())).unwrap_or(1.0);
+        axis * largest.signum()
+    };
+    (order.iter().map(|at| parts.eigenvalues[*at]).collect(), order.iter().map(axis).collect())
 }
 
 impl Shapes {

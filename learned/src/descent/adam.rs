@@ -62,7 +62,8 @@ impl Adam {
             };
             let Rate { rate, decay } = (self.rate_of)(name);
             let theta = variable.as_detached_tensor();
-            let gradient = (gradient + (&theta * decay)?)?;
+            // candle leaves the tape on the gradients of parameters: moments would keep that of every step.
+            let gradient = (gradient.detach() + (&theta * decay)?)?;
             *first = ((&*first * STAYS[0])? + (&gradient * (1.0 - STAYS[0]))?)?;
             *second = ((&*second * STAYS[1])? + (gradient.sqr()? * (1.0 - STAYS[1]))?)?;
             let size = ((&*second * unbiased[1])?.sqrt()? + EPSILON)?;
@@ -103,7 +104,7 @@ impl Adam {
 
 #[cfg(test)]
 mod tests {
-    use candle_core::DType;
+    use candle_core::{DType, Device};
 
     use super::*;
 
@@ -111,7 +112,7 @@ mod tests {
     #[test]
     fn steps_are_the_formulas() {
         let mut parameters = Parameters::new(0, DType::F64);
-        let theta = parameters.zeros("theta", &[1]).unwrap();
+        let theta = parameters.given("theta", &Tensor::zeros(1, DType::F64, &Device::Cpu).unwrap()).unwrap();
         let mut adam = Adam::new(&parameters, |_| Rate { rate: 0.1, decay: 0.5 }).unwrap();
         let mut step = || {
             let gradients = (&theta * 2.0).unwrap().sum_all().unwrap().backward().unwrap();
@@ -125,5 +126,17 @@ mod tests {
         let square = (0.999 * 0.004 + 0.001 * gradient * gradient) / (1.0 - 0.999_f64.powi(2));
         let second = first - 0.05 * moment / (square.sqrt() + 1e-8);
         assert!((step() - second).abs() < 1e-13);
+    }
+
+    #[test]
+    fn moments_keep_no_tape() {
+        let mut parameters = Parameters::new(0, DType::F64);
+        let theta = parameters.given("theta", &Tensor::ones(1, DType::F64, &Device::Cpu).unwrap()).unwrap();
+        let mut adam = Adam::new(&parameters, |_| Rate { rate: 0.1, decay: 0.5 }).unwrap();
+        let gradients = theta.sqr().unwrap().sum_all().unwrap().backward().unwrap();
+        adam.step(&parameters, &gradients, 1.0).unwrap();
+        for moment in &adam.moments["theta"] {
+            assert!(moment.sum_all().unwrap().backward().unwrap().get(&theta).is_none());
+        }
     }
 }

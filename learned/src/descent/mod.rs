@@ -18,6 +18,7 @@ use crate::named_arrays::NamedArrays;
 
 pub use adam::{Adam, Rate};
 pub use parameters::Parameters;
+pub(crate) use parameters::keeping_variance;
 
 const EPOCHS: &str = "epochs";
 const SEED: &str = "seed";
@@ -142,7 +143,42 @@ pub(crate) fn of_tensors(error: candle_core::Error) -> Error {
 
 #[cfg(test)]
 mod tests {
+    use candle_core::DType;
+
     use super::*;
+
+    /// Learns to be nothing that is a number.
+    struct Lost(Parameters, Tensor);
+
+    impl Learner for Lost {
+        const BATCH: usize = 4;
+        const FALLS: f64 = 1.0;
+
+        fn parameters(&self) -> &Parameters {
+            &self.0
+        }
+
+        fn rate_of(_: &str) -> Rate {
+            Rate { rate: 1.0, decay: 0.0 }
+        }
+
+        fn examples(&self) -> usize {
+            4
+        }
+
+        fn loss(&self, _: &Tensor) -> candle_core::Result<Tensor> {
+            (&self.1 * f64::NAN)?.sum_all()
+        }
+    }
+
+    #[test]
+    fn a_loss_that_is_no_number_is_an_error_with_its_epoch() {
+        let mut parameters = Parameters::new(0, DType::F32);
+        let theta = parameters.given("theta", &Tensor::zeros(1, DType::F32, &Device::Cpu).unwrap()).unwrap();
+        let lost = Lost(parameters, theta);
+        let message = Descent::new(&lost, 0).unwrap().epoch(&lost).unwrap_err().to_string();
+        assert!(message.contains("epoch 1") && message.contains("NaN"), "{message}");
+    }
 
     #[test]
     fn counts_beyond_what_doubles_tell_apart_keep_their_bits() {

@@ -1,4 +1,4 @@
-//! The numbers of a network that training moves, by name, and those that it keeps count of: made from a seed, written as arrays, read again to the bit.
+//! The numbers of a network that training moves, by name: made from a seed, written as arrays, read again to the bit.
 //!
 //! Weights and offsets of a layer of n inputs begin uniform in +-1/sqrt(n), if nothing else is asked for. candle's own generator of random numbers on the CPU has no seed, so they are drawn
 //! here.
@@ -7,15 +7,17 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use candle_core::{DType, Device, Result, Tensor, Var};
-use candle_nn::{BatchNorm, Linear};
+use candle_nn::{Conv2d, Conv2dConfig, Linear};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use xavatar_formats::{Array, ArrayData, ArrayMap, Error};
 
 use super::of_tensors;
 
-/// What is added to a variance, so that it is not zero.
-const EPSILON: f64 = 1e-5;
+/// Weights of a layer of so many inputs that are uniform within this let the variance of what comes in through, where activations halve it.
+pub(crate) fn keeping_variance(inputs: usize) -> f64 {
+    (6.0 / inputs.max(1) as f64).sqrt()
+}
 
 /// A network's parameters, by name.
 #[derive(Debug)]
@@ -23,14 +25,12 @@ pub struct Parameters {
     kind: DType,
     random: ChaCha8Rng,
     trained: BTreeMap<String, Var>,
-    /// Means and variances, which a network learns by looking and not by descent.
-    counted: BTreeMap<String, Var>,
 }
 
 impl Parameters {
     /// None yet; those to come are drawn from this seed, as numbers of this kind.
     pub fn new(seed: u64, kind: DType) -> Self {
-        Self { kind, random: ChaCha8Rng::seed_from_u64(seed), trained: BTreeMap::new(), counted: BTreeMap::new() }
+        Self { kind, random: ChaCha8Rng::seed_from_u64(seed), trained: BTreeMap::new() }
     }
 
     /// The kind of numbers.
@@ -55,20 +55,17 @@ impl Parameters {
         Ok(Linear::new(weights, Some(offsets)))
     }
 
-    /// Channels to mean 0 and variance 1 over a batch, then to a scale and an offset that are trained.
-    pub(crate) fn batch_norm(&mut self, name: &str, channels: usize) -> Result<BatchNorm> {
-        let zeros = Tensor::zeros(channels, self.kind, &Device::Cpu)?;
-        let ones = Tensor::ones(channels, self.kind, &Device::Cpu)?;
-        let scale = Self::add(&mut self.trained, format!("{name}.scale"), &ones)?;
-        let offset = Self::add(&mut self.trained, format!("{name}.offset"), &zeros)?;
-        let mean = Self::add(&mut self.counted, format!("{name}.mean"), &zeros)?;
-        let variance = Self::add(&mut self.counted, format!("{name}.variance"), &ones)?;
-        BatchNorm::new(channels, mean, variance, scale, offset, EPSILON)
+    /// A convolution of 3 x 3 pixels to half as many, named as a [`linear`](Self::linear) layer; W is (outputs, inputs, 3, 3).
+    pub(crate) fn halving(&mut self, name: &str, inputs: usize, outputs: usize) -> Result<Conv2d> {
+        let most = keeping_variance(9 * inputs);
+        let weights = self.uniform(&format!("{name}.W"), &[outputs, inputs, 3, 3], most)?;
+        let offsets = self.uniform(&format!("{name}.b"), &[outputs], most)?;
+        Ok(Conv2d::new(weights, Some(offsets), Conv2dConfig { stride: 2, padding: 1, ..Conv2dConfig::default() }))
     }
 
-    /// Zeros.
-    pub(crate) fn zeros(&mut self, name: &str, shape: &[usize]) -> Result<Tensor> {
-        Self::add(&mut self.trained, name.to_owned(), &Tensor::zeros(shape, self.kind, &Device::Cpu)?)
+    /// With these values.
+    pub(crate) fn given(&mut self, name: &str, values: &Tensor) -> Result<Tensor> {
+        self.add(name.to_owned(), values)
     }
 
     /// Leaves out what was trained by the way.
@@ -80,13 +77,13 @@ impl Parameters {
         let count = shape.iter().product();
         let values: Vec<f64> = (0..count).map(|_| self.random.random_range(-most..=most)).collect();
         let values = Tensor::from_vec(values, shape, &Device::Cpu)?.to_dtype(self.kind)?;
-        Self::add(&mut self.trained, name.to_owned(), &values)
+        self.add(name.to_owned(), &values)
     }
 
-    fn add(to: &mut BTreeMap<String, Var>, name: String, values: &Tensor) -> Result<Tensor> {
+    fn add(&mut self, name: String, values: &Tensor) -> Result<Tensor> {
         let variable = Var::from_tensor(values)?;
         let tensor = variable.as_tensor().clone();
-        to.insert(name, variable);
+        self.trained.insert(name, variable);
         Ok(tensor)
     }
 
@@ -95,8 +92,7 @@ impl Parameters {
     /// # Errors
     /// candle's.
     pub fn to_arrays(&self, prefix: &str) -> Result<ArrayMap> {
-        let all = self.trained.iter().chain(&self.counted);
-        all.map(|(name, variable)| Ok((format!("{prefix}{name}"), array_of(variable)?))).collect()
+        self.trained.iter().map(|(name, variable)| Ok((format!("{prefix}{name}"), array_of(variable)?))).collect()
     }
 
     /// Becomes what [`to_arrays`](Self::to_arrays) made of parameters of the same names and shapes; `path` is named in errors.
@@ -104,7 +100,7 @@ impl Parameters {
     /// # Errors
     /// [`Error::Malformed`] naming the array that is missing, has another shape, or holds numbers that are not finite.
     pub fn set(&self, path: &Path, arrays: &ArrayMap, prefix: &str) -> std::result::Result<(), Error> {
-        for (name, variable) in self.trained.iter().chain(&self.counted) {
+        for (name, variable) in &self.trained {
             let values = tensor_of(path, arrays, &format!("{prefix}{name}"), variable.dims(), self.kind)?;
             variable.set(&values).map_err(of_tensors)?;
         }
@@ -152,8 +148,7 @@ mod tests {
     fn made(seed: u64) -> Parameters {
         let mut parameters = Parameters::new(seed, DType::F32);
         parameters.linear("first", 9, 4).unwrap();
-        parameters.batch_norm("norm", 4).unwrap();
-        parameters.zeros("codes", &[3, 2]).unwrap();
+        parameters.given("codes", &Tensor::zeros((3, 2), DType::F32, &Device::Cpu).unwrap()).unwrap();
         parameters
     }
 
@@ -173,14 +168,14 @@ mod tests {
         let arrays = one.to_arrays("net.").unwrap();
         other.set(path, &arrays, "net.").unwrap();
         let again = other.to_arrays("net.").unwrap();
-        assert_eq!(again.len(), 7);
+        assert_eq!(again.len(), 3);
         for (name, array) in &arrays {
             assert_eq!(array.to_f64(), again[name].to_f64(), "{name}");
         }
         let mut wrong = arrays.clone();
-        wrong.insert("net.norm.mean".into(), Array::from_f32(&[4], vec![0.0, f32::NAN, 0.0, 0.0]));
+        wrong.insert("net.first.b".into(), Array::from_f32(&[4], vec![0.0, f32::NAN, 0.0, 0.0]));
         let message = other.set(path, &wrong, "net.").unwrap_err().to_string();
-        assert!(message.contains("network.npz") && message.contains("`net.norm.mean`"), "{message}");
+        assert!(message.contains("network.npz") && message.contains("`net.first.b`"), "{message}");
         let mut missing = arrays;
         missing.remove("net.first.b");
         let message = other.set(path, &missing, "net.").unwrap_err().to_string();

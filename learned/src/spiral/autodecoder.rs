@@ -1,22 +1,27 @@
 //! The auto-decoder of BLSM's flesh (METHOD-BODY 9.4 and 10): shapes of codes, where the codes of the shapes to learn are learned with the network.
 //!
-//! D(z): linear, then on each level, the coarsest first, a convolution of one ring (48, 32, 32, 16 channels), normalisation over the batch, ELU, un-pooling;
-//! a last convolution to the three coordinates. Loss: mean |D(z_i) - x_i| of standardised coordinates; Adam 1e-3 for the network, 0.1 for the codes. When it is
-//! trained, codes are turned and scaled so that those of the people have unit variance and no correlation. K codes, V vertices; metres.
+//! D(z) = mean + sum_k z_k C_k + s N(z), C the principal components of the shapes, s the deviation of each coordinate. N: linear, then on each level, the coarsest
+//! first, a convolution of one ring (48, 32, 32, 16 channels), ELU, un-pooling; a last convolution to the three coordinates, which begins as nothing. So training begins with the
+//! principal components and the shapes' coefficients, and what N learns is how shapes bend. Nothing is normalised over a batch: a shape would
+//! depend on those beside it. Loss: mean |D(z_i) - x_i|; Adam. When it is trained, codes are turned and scaled so that those of the people
+//! have unit variance and no correlation. K codes, V vertices; metres.
 
 use candle_core::{DType, Device, Tensor};
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
-use xavatar_formats::Result;
+use xavatar_formats::{Error, Result};
 
-use super::layers::{Unpooling, apply_all};
-use super::{Layer, Level, Standard, convolution};
-use crate::descent::{Learner, Parameters, Rate, of_tensors};
+use super::layers::{Convolution, Unpooling, apply_all};
+use super::{Layer, Level, Standard, along, convolution};
+use crate::core::{Identity, shapes_of};
+use crate::descent::{Learner, Parameters, Rate, keeping_variance, of_tensors};
 
 /// Channels of the convolutions, the coarsest first.
 const CHANNELS: [usize; 4] = [48, 32, 32, 16];
 /// The parameter that holds the codes of the shapes that are learned.
 const CODES: &str = "codes";
+/// Of Adam's steps: of the network, and of codes, which have unit variance.
+const RATES: [f64; 2] = [2e-3, 1e-3];
 /// Steps of Gauss and Newton to the code of a shape.
 const STEPS: usize = 12;
 /// A step that lowers the sum by a smaller share is the last.
@@ -31,6 +36,10 @@ pub struct Autodecoder {
     layers: Vec<Layer>,
     pub(super) parameters: Parameters,
     pub(super) standard: Standard,
+    /// C (Z, V).
+    pub(super) components: Vec<Vec<DVec3>>,
+    /// C as the network has it, standardised (Z, 3 V).
+    linear: Tensor,
     pub(super) codes: Codes,
 }
 
@@ -56,21 +65,46 @@ pub struct AutodecoderTraining {
     decoder: Autodecoder,
     codes: Tensor,
     shapes: Tensor,
+    /// How much a coordinate counts: its deviation beside the mean of all (1, V, 3).
+    counts: Tensor,
 }
 
 impl AutodecoderTraining {
-    /// For shapes (N, V) of a mesh with these levels, the finest first, at most five; begun from a seed.
+    /// For shapes (N, V) of a mesh with these levels, the finest first, at most five, and at most so many codes: there are no more than directions in which the shapes
+    /// differ. Begun from a seed.
     ///
     /// # Errors
-    /// [`Error::Value`](xavatar_formats::Error::Value) if the shapes are not of the mesh.
+    /// [`Error::Value`] if the shapes are not of the mesh, do not differ, or no code is asked for.
     pub fn new(levels: Vec<Level>, shapes: &[Vec<DVec3>], codes: usize, seed: u64) -> Result<Self> {
-        let mut decoder = Autodecoder::new(levels, Standard::of(shapes), codes, seed)?;
-        let codes = decoder.parameters.zeros(CODES, &[shapes.len(), codes]).map_err(of_tensors)?;
-        let shapes = decoder.standard.tensor_of(shapes, DType::F32).map_err(of_tensors)?;
-        Ok(Self { decoder, codes, shapes })
+        let value = |name: &str, found: String, expected: &str| Error::Value {
+            name: name.into(),
+            found,
+            expected: expected.into(),
+        };
+        if codes == 0 {
+            return Err(value("codes", codes.to_string(), "at least one"));
+        }
+        let standard = Standard::of(shapes, levels.first().map_or(0, |level| level.points.len()))?;
+        let people: Vec<Identity> =
+            shapes.iter().map(|shape| Identity { template: shape.clone(), joints: Vec::new() }).collect();
+        let space = shapes_of(&people, codes);
+        if standard.is_still() || space.directions.is_empty() {
+            let found = format!("{} without a difference", shapes.len());
+            return Err(value("shapes", found, "at least two that differ"));
+        }
+        let mut decoder = Autodecoder::new(levels, standard, space.directions, seed)?;
+        let tensors = || -> candle_core::Result<_> {
+            let start = Tensor::new(space.coefficients, &Device::Cpu)?.to_dtype(DType::F32)?;
+            let [_, deviation] = decoder.standard.tensors(DType::F32)?;
+            let counts = deviation.broadcast_div(&deviation.mean_all()?)?;
+            let shapes = decoder.standard.tensor_of(shapes, DType::F32)?;
+            Ok((decoder.parameters.given(CODES, &start)?, shapes, counts))
+        };
+        let (codes, shapes, counts) = { tensors }().map_err(of_tensors)?;
+        Ok(Self { decoder, codes, shapes, counts })
     }
 
-    /// The auto-decoder, and the codes of the shapes (N, K), of unit variance; as many as there are directions in which codes differ.
+    /// The auto-decoder, and the codes of the shapes (N, K), of unit variance.
     ///
     /// # Errors
     /// candle's.
@@ -85,14 +119,14 @@ impl AutodecoderTraining {
 
 impl Learner for AutodecoderTraining {
     const BATCH: usize = 16;
-    const FALLS: f64 = 0.99;
+    const FALLS: f64 = 0.97;
 
     fn parameters(&self) -> &Parameters {
         &self.decoder.parameters
     }
 
     fn rate_of(name: &str) -> Rate {
-        if name == CODES { Rate { rate: 0.1, decay: 1e-7 } } else { Rate { rate: 1e-3, decay: 5e-5 } }
+        Rate { rate: RATES[usize::from(name == CODES)], decay: 0.0 }
     }
 
     fn examples(&self) -> usize {
@@ -100,8 +134,8 @@ impl Learner for AutodecoderTraining {
     }
 
     fn loss(&self, batch: &Tensor) -> candle_core::Result<Tensor> {
-        let made = apply_all(&self.decoder.layers, &self.codes.index_select(batch, 0)?, true)?;
-        (made - self.shapes.index_select(batch, 0)?)?.abs()?.mean_all()
+        let made = self.decoder.of_network(&self.codes.index_select(batch, 0)?)?;
+        (made - self.shapes.index_select(batch, 0)?)?.abs()?.broadcast_mul(&self.counts)?.mean_all()
     }
 }
 
@@ -131,10 +165,12 @@ impl Codes {
 }
 
 impl Autodecoder {
-    pub(super) fn new(levels: Vec<Level>, standard: Standard, codes: usize, seed: u64) -> Result<Self> {
+    pub(super) fn new(levels: Vec<Level>, standard: Standard, components: Vec<Vec<DVec3>>, seed: u64) -> Result<Self> {
+        let codes = components.len();
         let mut parameters = Parameters::new(seed, DType::F32);
         let layers = layers(&mut parameters, &levels, codes).map_err(of_tensors)?;
-        Ok(Self { levels, layers, parameters, standard, codes: Codes::plain(codes) })
+        let linear = standard.directions_as_rows(&components, DType::F32).map_err(of_tensors)?;
+        Ok(Self { levels, layers, parameters, standard, components, linear, codes: Codes::plain(codes) })
     }
 
     /// The shape of the weights of the network's first layer, the largest.
@@ -148,13 +184,33 @@ impl Autodecoder {
         self.codes.axes.ncols()
     }
 
+    /// What it standardises by.
+    pub(crate) fn standard(&self) -> &Standard {
+        &self.standard
+    }
+
+    /// Standardised meshes (B, V, 3) of codes (B, K).
+    pub(crate) fn of_codes(&self, codes: &Tensor) -> candle_core::Result<Tensor> {
+        let Codes { origin, axes } = &self.codes;
+        let kind = self.parameters.kind();
+        let axes = Tensor::from_slice(axes.as_slice(), (axes.ncols(), axes.nrows()), &Device::Cpu)?.to_dtype(kind)?;
+        let origin = Tensor::from_slice(origin.as_slice(), (1, origin.len()), &Device::Cpu)?.to_dtype(kind)?;
+        self.of_network(&codes.matmul(&axes)?.broadcast_add(&origin)?)
+    }
+
+    /// Standardised meshes (B, V, 3) of the network's codes (B, Z).
+    fn of_network(&self, codes: &Tensor) -> candle_core::Result<Tensor> {
+        let bent = apply_all(&self.layers, codes)?;
+        &bent + codes.matmul(&self.linear)?.reshape(bent.shape())?
+    }
+
     /// The shape of a code (K), and its derivatives.
     ///
     /// # Errors
-    /// [`Error::Value`](xavatar_formats::Error::Value) if there are not K numbers.
+    /// [`Error::Value`] if there are not K numbers.
     pub fn decoded(&self, code: &[f64]) -> Result<Decoded> {
         if code.len() != self.code_count() {
-            return Err(xavatar_formats::Error::Value {
+            return Err(Error::Value {
                 name: "code".into(),
                 found: format!("{} numbers", code.len()),
                 expected: format!("{}", self.code_count()),
@@ -167,6 +223,12 @@ impl Autodecoder {
         let Codes { origin, axes } = &self.codes;
         let value = origin + axes * DVector::from_column_slice(code);
         let (width, kind) = (value.len(), self.parameters.kind());
+        let straight = |of: &[f64], to: &mut [DVec3]| {
+            for (component, share) in self.components.iter().zip(of) {
+                to.iter_mut().zip(component).for_each(|(place, offset)| *place += *offset * *share);
+            }
+        };
+        let code = value.clone();
         let value = Tensor::from_slice(value.as_slice(), (1, width), &Device::Cpu)?.to_dtype(kind)?;
         // Columns one after the other are the tangents' rows.
         let tangents = Tensor::from_slice(axes.as_slice(), (axes.ncols(), width), &Device::Cpu)?.to_dtype(kind)?;
@@ -175,8 +237,11 @@ impl Autodecoder {
             .layers
             .iter()
             .try_fold(start, |(value, tangents), layer| layer.apply_with_tangents(&value, &tangents))?;
-        let shape = self.standard.shapes_of(&value)?.pop().unwrap_or_default();
-        Ok(Decoded { shape, directions: self.standard.directions_of(&tangents)? })
+        let mut shape = self.standard.shapes_of(&value)?.pop().unwrap_or_default();
+        let mut directions = self.standard.directions_of(&tangents)?;
+        straight(code.as_slice(), &mut shape);
+        directions.iter_mut().zip(axes.column_iter()).for_each(|(to, axis)| straight(axis.as_slice(), to));
+        Ok(Decoded { shape, directions })
     }
 
     /// The code whose shape is nearest to one (V) in the mean of squares, from the mean; a code that is 1 costs `held` square metres.
@@ -228,12 +293,11 @@ fn start(levels: &[Level]) -> (usize, usize) {
 fn layers(parameters: &mut Parameters, levels: &[Level], codes: usize) -> candle_core::Result<Vec<Layer>> {
     let (coarsest, first) = start(levels);
     let mut channels = CHANNELS[first];
-    let code = parameters.linear("code", codes, coarsest * channels)?;
+    let code = parameters.linear_within("code", codes, coarsest * channels, keeping_variance(codes))?;
     let mut layers = vec![Layer::Dense(code), Layer::Unflatten(coarsest, channels)];
     for (level, wanted) in (1..levels.len()).rev().zip(&CHANNELS[first..]) {
         let name = format!("level.{level}");
         layers.push(convolution(parameters, &name, &levels[level], 1, [channels, *wanted])?);
-        layers.push(Layer::Normalise(parameters.batch_norm(&format!("{name}.normal"), *wanted)?));
         layers.push(Layer::Elu);
         if let Some(pooling) = &levels[level].from_finer {
             layers.push(Layer::Unpool(Unpooling::new(pooling, parameters.kind())?));
@@ -241,7 +305,9 @@ fn layers(parameters: &mut Parameters, levels: &[Level], codes: usize) -> candle
         channels = *wanted;
     }
     if let Some(finest) = levels.first() {
-        layers.push(convolution(parameters, "last", finest, 1, [channels, 3])?);
+        let (spirals, length) = along(finest, 1);
+        let nothing = parameters.linear_within("last", length * channels, 3, 0.0)?;
+        layers.push(Layer::Convolution(Convolution::new(spirals, nothing)?));
     }
     Ok(layers)
 }
@@ -310,6 +376,50 @@ pub(super) mod tests {
         let found = decoder.decoded(&decoder.code_of(&shape, 0.0).unwrap()).unwrap().shape;
         let mean = decoder.decoded(&vec![0.0; planted.len()]).unwrap().shape;
         assert!(mean_distance(&found, &shape) < 1e-2 * mean_distance(&mean, &shape));
+    }
+
+    // Before it learns it is the principal components: no code is nearer to a shape than its projection.
+    #[test]
+    fn training_begins_with_principal_components() {
+        let (decoder, shapes, codes) = trained(0);
+        let people: Vec<Identity> =
+            shapes.iter().map(|shape| Identity { template: shape.clone(), joints: Vec::new() }).collect();
+        let space = shapes_of(&people, 4);
+        for ((shape, code), own) in shapes.iter().zip(&codes).zip(&space.coefficients) {
+            let mut projected = space.mean.clone();
+            for (direction, along) in space.directions.iter().zip(own) {
+                projected.iter_mut().zip(direction).for_each(|(place, offset)| *place += *offset * *along);
+            }
+            assert!(mean_distance(&decoder.decoded(code).unwrap().shape, &projected) < 1e-6);
+            let found = decoder.code_of(shape, 0.0).unwrap();
+            assert!(mean_distance(&decoder.decoded(&found).unwrap().shape, &projected) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn it_learns_what_is_not_linear() {
+        let distance = |epochs: usize| {
+            let (decoder, shapes, codes) = trained(epochs);
+            let apart =
+                |(shape, code): (&Vec<DVec3>, &Vec<f64>)| mean_distance(&decoder.decoded(code).unwrap().shape, shape);
+            shapes.iter().zip(&codes).map(apart).sum::<f64>()
+        };
+        let (before, after) = (distance(0), distance(40));
+        assert!(after < 0.8 * before, "{after} {before}");
+    }
+
+    #[test]
+    fn there_are_no_more_codes_than_shapes_differ_in_and_at_least_one() {
+        let begun = |shapes: &[Vec<DVec3>], codes: usize| {
+            AutodecoderTraining::new(levels(&ball(), &[2]).unwrap(), shapes, codes, 0)
+        };
+        let (decoder, codes) = begun(&bulges(3), 7).unwrap().finished().unwrap();
+        assert_eq!((decoder.code_count(), codes[0].len()), (2, 2));
+        let same = vec![bulges(1).remove(0); 5];
+        let message = begun(&same, 7).unwrap_err().to_string();
+        assert!(message.contains("5 without a difference") && message.contains("two that differ"), "{message}");
+        assert!(begun(&bulges(1), 7).unwrap_err().to_string().contains("two that differ"));
+        assert!(begun(&bulges(5), 0).unwrap_err().to_string().contains("codes is 0"));
     }
 
     #[test]

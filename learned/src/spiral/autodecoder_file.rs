@@ -1,7 +1,7 @@
 //! An auto-decoder among the arrays of a file.
 //!
 //! `spiral.points` (V, 3) and `spiral.0.faces` (F, 3) are the finest level, `spiral.N.kept` and `spiral.N.faces` each coarser one, on vertices of the one before;
-//! `spiral.mean` and `spiral.deviation` (V, 3); `spiral.origin` (Z) and `spiral.axes` (Z, K) of codes; `spiral.network.*` the network.
+//! `spiral.mean` and `spiral.deviation` (V, 3), `spiral.components` (Z, V, 3); `spiral.origin` (Z) and `spiral.axes` (Z, K) of codes; `spiral.network.*` the network.
 
 use std::path::Path;
 
@@ -50,6 +50,8 @@ impl Autodecoder {
         let Standard { mean, deviation } = &self.standard;
         add("mean", &[mean.len(), 3], flat(mean));
         add("deviation", &[deviation.len(), 3], flat(deviation));
+        let all = self.components.iter().flat_map(|component| flat(component)).collect();
+        add("components", &[self.components.len(), mean.len(), 3], all);
         let Codes { origin, axes } = &self.codes;
         add("origin", &[origin.len()], origin.as_slice().to_vec());
         add("axes", &[axes.nrows(), axes.ncols()], axes.transpose().as_slice().to_vec());
@@ -63,10 +65,11 @@ impl Autodecoder {
     pub fn from_arrays(path: &Path, arrays: &ArrayMap) -> Result<Self> {
         let file = File { path, arrays };
         let points = file.points("points", None)?;
-        let faces = file.faces(0, points.len())?;
+        let vertices = points.len();
+        let faces = file.faces(0, vertices)?;
         let standard = Standard {
-            mean: file.points("mean", Some(points.len()))?,
-            deviation: file.points("deviation", Some(points.len()))?,
+            mean: file.points("mean", Some(vertices))?,
+            deviation: file.points("deviation", Some(vertices))?,
         };
         let mut levels = vec![Level { points, faces, from_finer: None }];
         while levels.len() <= LEVELS && arrays.contains_key(&format!("spiral.{}.kept", levels.len())) {
@@ -76,15 +79,17 @@ impl Autodecoder {
         let axes = file.numbers("axes")?;
         let shape = arrays.get("spiral.axes").map_or(&[][..], |array| &array.shape);
         let [height, width] = *shape else { return Err(file.wrong("axes", "a row a code of the network")) };
-        if height != origin.len() || height == 0 {
-            return Err(file.wrong("axes", format_args!("{} rows", origin.len())));
+        if height != origin.len() || height == 0 || width == 0 {
+            return Err(file.wrong("axes", format_args!("{} rows, and a column a code", origin.len())));
         }
+        let components = file.points("components", height.checked_mul(vertices))?;
+        let components = components.chunks_exact(vertices).map(<[DVec3]>::to_vec).collect();
         // Before memory is taken for it.
         let first = Self::first_weights(&levels, height);
         if arrays.get(&format!("{NETWORK}code.W")).is_none_or(|array| array.shape != first) {
             return Err(file.wrong("network.code.W", format_args!("shape {first:?}")));
         }
-        let mut decoder = Self::new(levels, standard, height, 0)?;
+        let mut decoder = Self::new(levels, standard, components, 0)?;
         decoder.parameters.set(path, arrays, NETWORK)?;
         decoder.codes =
             Codes { origin: DVector::from_vec(origin), axes: DMatrix::from_row_slice(height, width, &axes) };
@@ -173,6 +178,10 @@ mod tests {
     fn what_cannot_be_is_named() {
         let arrays = trained(1).0.to_arrays().unwrap();
         let read = |arrays: &ArrayMap| Autodecoder::from_arrays(Path::new("body.npz"), arrays);
+        let mut without = arrays.clone();
+        without.insert("spiral.axes".into(), Array { shape: vec![4, 0], data: ArrayData::F64(Vec::new()) });
+        let message = read(&without).unwrap_err().to_string();
+        assert!(message.contains("`spiral.axes`") && message.contains("a column a code"), "{message}");
         for name in arrays.keys().filter(|name| !name.ends_with("kept")) {
             let mut missing = arrays.clone();
             missing.remove(name);

@@ -4,7 +4,7 @@
 //! ELU, x or e^x - 1. Values are (B, V, C) of B meshes, V vertices, C channels; tangents (T, V, C) at the value of one mesh.
 
 use candle_core::{Device, Result, Tensor};
-use candle_nn::{BatchNorm, Linear, Module, ModuleT};
+use candle_nn::{Linear, Module};
 
 use super::Pooling;
 
@@ -23,8 +23,6 @@ pub(crate) enum Layer {
     Dense(Linear),
     /// To so many vertices and channels.
     Unflatten(usize, usize),
-    /// Channels of mean 0 and variance 1.
-    Normalise(BatchNorm),
 }
 
 /// A convolution along spirals.
@@ -82,8 +80,8 @@ impl Layer {
         Ok(Self::Pool(Tensor::from_vec(pooling.kept.clone(), pooling.kept.len(), &Device::Cpu)?))
     }
 
-    /// The layer's value; in training, normalisation is by the batch's own mean and variance.
-    pub(crate) fn apply(&self, values: &Tensor, is_training: bool) -> Result<Tensor> {
+    /// The layer's value.
+    pub(crate) fn apply(&self, values: &Tensor) -> Result<Tensor> {
         match self {
             Self::Convolution(convolution) => linear_of(&convolution.linear, &convolution.gathered(values)?),
             Self::Elu => values.elu(1.0),
@@ -91,10 +89,6 @@ impl Layer {
             Self::Unpool(unpooling) => unpooling.apply(values),
             Self::Dense(linear) => linear.forward(&values.flatten_from(1)?),
             Self::Unflatten(vertices, channels) => values.reshape(((), *vertices, *channels)),
-            Self::Normalise(normal) => {
-                let rows = values.flatten_to(1)?;
-                normal.forward_t(&rows, is_training)?.reshape(values.shape())
-            }
         }
     }
 
@@ -107,23 +101,15 @@ impl Layer {
             // e^min(x, 0) is 1 where x is not negative.
             Self::Elu => tangents.broadcast_mul(&value.minimum(0.0)?.exp()?)?,
             Self::Dense(linear) => without_offset(linear).forward(&tangents.flatten_from(1)?)?,
-            Self::Normalise(normal) => {
-                let deviation = (normal.running_var() + normal.eps())?.sqrt()?;
-                let scale = match normal.weight_and_bias() {
-                    Some((scale, _)) => (scale / deviation)?,
-                    None => deviation.recip()?,
-                };
-                tangents.broadcast_mul(&scale)?
-            }
-            Self::Pool(_) | Self::Unpool(_) | Self::Unflatten(..) => self.apply(tangents, false)?,
+            Self::Pool(_) | Self::Unpool(_) | Self::Unflatten(..) => self.apply(tangents)?,
         };
-        Ok((self.apply(value, false)?, moved))
+        Ok((self.apply(value)?, moved))
     }
 }
 
 /// Layers one after the other.
-pub(crate) fn apply_all(layers: &[Layer], values: &Tensor, is_training: bool) -> Result<Tensor> {
-    layers.iter().try_fold(values.clone(), |values, layer| layer.apply(&values, is_training))
+pub(crate) fn apply_all(layers: &[Layer], values: &Tensor) -> Result<Tensor> {
+    layers.iter().try_fold(values.clone(), |values, layer| layer.apply(&values))
 }
 
 fn without_offset(linear: &Linear) -> Linear {
@@ -157,7 +143,7 @@ mod tests {
         let spirals = indices(&golden["spirals_2"]).into_iter().map(|vertex| vertex as u32).collect();
         let linear = Linear::new(weights.as_tensor().clone(), Some(offsets.as_tensor().clone()));
         let layers = [Layer::Convolution(Convolution::new(spirals, linear).unwrap()), Layer::Elu];
-        let y = apply_all(&layers, &x, true).unwrap();
+        let y = apply_all(&layers, &x).unwrap();
         assert!(largest_difference(&numbers(&y), &golden["y"]) < 1e-12);
         let sum = (y * tensor(&golden["c"], &[2, 42, 5])).unwrap().sum_all().unwrap();
         let gradients = sum.backward().unwrap();
@@ -175,19 +161,14 @@ mod tests {
         let spirals: Vec<u32> = indices(&golden["coarse_spirals_1"]).into_iter().map(|index| index as u32).collect();
         let corners = (0..42).map(|vertex: u32| [vertex % 12, (vertex + 1) % 12, (vertex + 5) % 12]).collect();
         let pooling = Pooling { kept: (0..12).collect(), corners, weights: vec![[0.5, 0.3, 0.2]; 42] };
-        let normal = parameters.batch_norm("normal", 4).unwrap();
         let layers = [
             Layer::Dense(parameters.linear("dense", 5, 36).unwrap()),
             Layer::Unflatten(12, 3),
             Layer::Convolution(Convolution::new(spirals, parameters.linear("conv", 18, 4).unwrap()).unwrap()),
-            Layer::Normalise(normal),
             Layer::Elu,
             Layer::Unpool(Unpooling::new(&pooling, DType::F64).unwrap()),
             Layer::pool(&pooling).unwrap(),
         ];
-        // Moves the normalisation's means away from 0 and 1.
-        let batch = tensor(&(0..20).map(|at| f64::from(at).sin() * 3.0).collect::<Vec<_>>(), &[4, 5]);
-        apply_all(&layers, &batch, true).unwrap();
         let at = tensor(&[0.3, -1.2, 0.8, 2.0, -0.4], &[1, 5]);
         let directions = tensor(&[1.0, 0.5, -0.2, 0.3, 0.9, -0.6, 0.1, 0.4, -1.0, 0.2], &[2, 5]);
         let start = (at.clone(), directions.clone());
@@ -195,7 +176,7 @@ mod tests {
         let step = 1e-6;
         let moved = |by: f64| {
             let x = at.broadcast_add(&(&directions * by).unwrap()).unwrap();
-            numbers(&apply_all(&layers, &x, false).unwrap())
+            numbers(&apply_all(&layers, &x).unwrap())
         };
         let (ahead, behind) = (moved(step), moved(-step));
         let expected: Vec<f64> =

@@ -20,10 +20,10 @@ pub use standard::Standard;
 
 use candle_core::Result;
 
-use crate::descent::Parameters;
+use crate::descent::{Parameters, keeping_variance};
 use layers::{Convolution, Layer};
 
-/// A convolution on a level, along spirals of so many rings and of their usual length.
+/// A convolution on a level, along spirals of so many rings and of their usual length, that lets the variance of what comes in through.
 fn convolution(
     parameters: &mut Parameters,
     name: &str,
@@ -31,8 +31,15 @@ fn convolution(
     rings: usize,
     channels: [usize; 2],
 ) -> Result<Layer> {
+    let (spirals, length) = along(level, rings);
+    let inputs = length * channels[0];
+    let linear = parameters.linear_within(name, inputs, channels[1], keeping_variance(inputs))?;
+    Ok(Layer::Convolution(Convolution::new(spirals, linear)?))
+}
+
+/// Spirals of so many rings, and their usual length.
+fn along(level: &Level, rings: usize) -> (Vec<u32>, usize) {
     let spirals = Spirals::new(&level.points, &level.faces, rings);
     let length = spirals.usual_length();
-    let linear = parameters.linear(name, length * channels[0], channels[1])?;
-    Ok(Layer::Convolution(Convolution::new(spirals.of_length(length), linear)?))
+    (spirals.of_length(length), length)
 }

@@ -44,7 +44,7 @@ pub struct Description {
 pub enum Identity {
     /// Sums of shapes, principal components
     Linear,
-    /// A network along spirals on the mesh
+    /// Principal components bent by a network along spirals on the mesh
     Spiral,
 }
 

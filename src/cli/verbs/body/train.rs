@@ -34,9 +34,11 @@ const CODES: usize = 32;
     xavatar body train registrations --from models/SMPLX_NEUTRAL.npz --out body.npz\n  \
     xavatar body train people --kind blsm --out blsm.npz\n  \
     xavatar body train people --kind blsm --identity spiral --codes 32 --out blsm.npz\n  \
+    xavatar body train anna --from models/SMPLX_NEUTRAL.npz --kind blsm --out dressed.npz\n  \
     xavatar body train dfaust --from models/SMPL_NEUTRAL.pkl --kind star --out star.npz\n  \
     xavatar body train standing --from body.npz --kind feet --ground 0 --out body-with-feet.npz\n\n\
-    Registrations are meshes in the topology of the body that training begins with: a folder a person, X-Humans' subjects, FAUST's files. \
+    Registrations are meshes in the topology of the body that training begins with: a folder a person, X-Humans' subjects, FAUST's files; \
+    of a person's folders each is a take, with clothes of its own under --kind blsm. \
     The result is a body file for every verb with --body (docs/trained-bodies.md). After Ctrl-C or a crash, the same call with --resume goes on; until it is done \
     BODY.npz.training has what was found.")]
 pub struct Train {
@@ -53,7 +55,7 @@ pub struct Train {
     /// feet for the body of --from with what the ground does to its feet; without it star or supr by the joints
     #[arg(long, value_enum, value_name = "KIND")]
     kind: Option<FileKind>,
-    /// How a BLSM body learns people's flesh
+    /// How a BLSM body learns people's flesh: sums of shapes, or these bent by a network
     #[arg(long, value_enum, value_name = "HOW", requires = "kind")]
     identity: Option<Identity>,
     /// Shape coefficients of a BLSM body at most [default: 32]
