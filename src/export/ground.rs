@@ -5,7 +5,7 @@
 
 use glam::{Affine3A, Vec3};
 
-use super::reference::Reference;
+use super::reference::{Reference, in_motion};
 use super::rig::RiggedMesh;
 use crate::Result;
 use crate::avatar::Avatar;
@@ -23,7 +23,7 @@ pub fn ground_motion(avatar: &Avatar, body: Option<&BodyModel>, frames: &mut [Po
     let reference = Reference::new(avatar, body, RESOLUTION)?;
     let mut floor = f32::INFINITY;
     for (index, pose) in frames.iter().enumerate() {
-        let frame = reference.frame(pose).map_err(|error| error.in_frame(format!("{} of the motion", index + 1)))?;
+        let frame = reference.frame(pose).map_err(|error| in_motion(error, index))?;
         floor = floor.min(lowest(&frame.posed));
     }
     let lift = if floor.is_finite() { -floor } else { 0.0 };

@@ -45,6 +45,12 @@ pub(super) struct Frame {
     pub(super) points: Vec<Vec3>,
     /// The exact vertices in the world (V).
     pub(super) posed: Vec<Vec3>,
+    /// How the skeleton moves.
+    pub(super) motion: Motion,
+}
+
+/// How the skeleton moves in one frame.
+pub(super) struct Motion {
     /// Local rotations of the joints (J).
     pub(super) rotations: Vec<Quat>,
     /// Where the root is.
@@ -110,11 +116,8 @@ impl Reference {
 
     /// The exact motion in this pose, in the avatar's own shape.
     pub(super) fn frame(&self, pose: &Pose) -> Result<Frame> {
-        let mut pose = pose.in_shape(&self.betas);
-        pose.check(&self.skeleton, self.betas.len(), self.count)?;
-        pose.expression.resize(self.count, 0.0);
-        let rotations = rotations(&pose.rotations);
-        let root = self.joints[0].translation + pose.translation;
+        let pose = self.settled(pose)?;
+        let motion = self.motion_of(&pose);
         let mut points = match &self.body {
             Some((_, fixed)) => fixed.displaced(&pose)?.into_iter().map(Vec3::from_array).collect(),
             None => self.mesh.vertices.clone(),
@@ -128,10 +131,28 @@ impl Reference {
                 transforms.iter_mut().for_each(|transform| transform.translation += Vec3A::from(pose.translation));
                 transforms
             }
-            None => skinning_transforms(&self.joints, &rotations, root),
+            None => skinning_transforms(&self.joints, &motion.rotations, motion.root),
         };
         let posed = skin(&self.all, &transforms, &points);
-        Ok(Frame { points, posed, rotations, root, expression: pose.expression })
+        Ok(Frame { points, posed, motion })
+    }
+
+    /// How the skeleton moves in this pose, in the avatar's own shape.
+    pub(super) fn motion(&self, pose: &Pose) -> Result<Motion> {
+        Ok(self.motion_of(&self.settled(pose)?))
+    }
+
+    fn motion_of(&self, pose: &Pose) -> Motion {
+        let root = self.joints[0].translation + pose.translation;
+        Motion { rotations: rotations(&pose.rotations), root, expression: pose.expression.clone() }
+    }
+
+    /// The pose in the avatar's shape, with all of its coefficients.
+    fn settled(&self, pose: &Pose) -> Result<Pose> {
+        let mut pose = pose.in_shape(&self.betas);
+        pose.check(&self.skeleton, self.betas.len(), self.count)?;
+        pose.expression.resize(self.count, 0.0);
+        Ok(pose)
     }
 
     /// What a unit of each expression coefficient does in the canonical pose (E, V): offsets of the surface, and joints that
@@ -145,6 +166,11 @@ impl Reference {
         };
         (0..self.count).map(unit).collect()
     }
+}
+
+/// What is wrong with a frame of a motion, with its number.
+pub(super) fn in_motion(error: Error, index: usize) -> Error {
+    error.in_frame(format!("{} of the motion", index + 1))
 }
 
 /// Linear blend skinning of points (V).

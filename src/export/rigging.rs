@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::correctives::Correctives;
 use super::influences::Influences;
-use super::reference::{Frame, Reference, skin};
+use super::reference::{Frame, Motion, Reference, in_motion, skin};
 use super::report::{RigReport, Sum};
 use super::rig::{Animation, Morph, RiggedMesh, blend, morph, skinning_transforms};
 use crate::avatar::Avatar;
@@ -79,8 +79,8 @@ impl Rigging {
             pruning.add(&skin(&builder.influences, &transforms, &frame.points), &frame.posed);
             uncorrected.add(&skin(&builder.influences, &transforms, &builder.expressed(&frame)), &frame.posed);
             amounts.push(correctives.weights(&builder.displacements(&frame)));
-            animation.push(&frame);
-            expressions.push(frame.expression);
+            animation.push(&frame.motion);
+            expressions.push(frame.motion.expression);
             advance();
         }
         builder.add_correctives(correctives, &mut amounts);
@@ -107,6 +107,28 @@ impl Rigging {
             dropped_components: builder.reference.dropped_components,
         };
         Ok((rigged, report))
+    }
+
+    /// The same to look at: without correctives, and without measuring what is lost, which take most of the time.
+    ///
+    /// # Errors
+    /// As [`rig`](Self::rig).
+    pub fn rig_to_look_at(
+        &self,
+        avatar: &Avatar,
+        body: Option<&BodyModel>,
+        frames: &[Pose],
+        frames_per_second: f32,
+    ) -> Result<RiggedMesh> {
+        self.check(frames, frames_per_second)?;
+        let builder = Builder::new(avatar, body, self)?;
+        let mut animation = Animation::new(frames_per_second);
+        for (index, pose) in frames.iter().enumerate() {
+            let motion = builder.reference.motion(pose).map_err(|error| in_motion(error, index))?;
+            animation.push(&motion);
+            animation.morph_weights.extend(motion.expression);
+        }
+        Ok(builder.rigged(animation))
     }
 
     fn check(&self, frames: &[Pose], frames_per_second: f32) -> Result<()> {
@@ -152,17 +174,17 @@ impl Builder {
     }
 
     fn frame(&self, index: usize, pose: &Pose) -> Result<Frame> {
-        self.reference.frame(pose).map_err(|error| error.in_frame(format!("{} of the motion", index + 1)))
+        self.reference.frame(pose).map_err(|error| in_motion(error, index))
     }
 
     fn transforms(&self, frame: &Frame) -> Vec<Affine3A> {
-        skinning_transforms(&self.reference.joints, &frame.rotations, frame.root)
+        skinning_transforms(&self.reference.joints, &frame.motion.rotations, frame.motion.root)
     }
 
     /// Canonical vertices with the expression's morphs (V).
     fn expressed(&self, frame: &Frame) -> Vec<Vec3> {
         let mut points = self.reference.mesh.vertices.clone();
-        morph(&mut points, &self.morphs[..self.reference.expression_count()], &frame.expression);
+        morph(&mut points, &self.morphs[..self.reference.expression_count()], &frame.motion.expression);
         points
     }
 
@@ -227,14 +249,14 @@ impl Animation {
         }
     }
 
-    fn push(&mut self, frame: &Frame) {
-        let mut rotations = frame.rotations.clone();
+    fn push(&mut self, motion: &Motion) {
+        let mut rotations = motion.rotations.clone();
         if let Some(before) = self.rotations.last() {
             for (rotation, before) in rotations.iter_mut().zip(before) {
                 *rotation = if rotation.dot(*before) < 0.0 { -*rotation } else { *rotation };
             }
         }
         self.rotations.push(rotations);
-        self.root_translations.push(frame.root);
+        self.root_translations.push(motion.root);
     }
 }

@@ -58,7 +58,7 @@ fn rigged(
     resolution: usize,
 ) -> Result<RiggedMesh> {
     let rigging = Rigging { resolution, influences: RIG_INFLUENCES, correctives: 0 };
-    Ok(rigging.rig(avatar, body, poses, rate, |_, _| {})?.0)
+    rigging.rig_to_look_at(avatar, body, poses, rate)
 }
 
 /// The built-in dance as the avatar's skeleton makes it, and its poses a second; the canonical pose alone if it cannot.

@@ -292,6 +292,8 @@ fn what_is_lost_without_correctives_is_reported() {
     let (rigged, report) = rigging.rig(&avatar, Some(subject().model()), &frames, RATE, |_, _| {}).unwrap();
     assert_eq!((rigged.morphs.len(), report.correctives), (10, 0));
     let animated = Glb::of(&rigged).animated();
+    let plain = Rigging { influences: 4, ..RIGGING }.rig_to_look_at(&avatar, Some(subject().model()), &frames, RATE);
+    assert!(Glb::of(&plain.unwrap()).animated() == animated, "what is not measured is the same");
     let exact: Vec<_> = frames.iter().map(|parameters| fixed.pose(parameters).unwrap().vertices).collect();
     let worst = animated.iter().zip(&exact).map(|(vertices, exact)| farthest(vertices, exact)).fold(0.0, f64::max);
     assert!((worst - f64::from(report.uncorrected.max)).abs() < 1e-5, "{worst} is not {report:?}");
