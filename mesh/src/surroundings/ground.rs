@@ -9,12 +9,13 @@ use rand_chacha::ChaCha8Rng;
 use crate::components::{FaceComponents, face_components, with_faces};
 use crate::{SurfaceSampler, TriangleMesh};
 
-/// Points of the surface that planes are tried on.
+/// Points of the surface that planes are tried on, and those of them that most planes are rejected by.
 const POINTS: usize = 3000;
+const FEW: usize = 400;
 /// Planes through three of them, and through three of the best plane's.
-const TRIALS: (usize, usize) = (2000, 300);
+const TRIALS: (usize, usize) = (1000, 200);
 /// Levels that are tried along each axis, in the lowest fifth.
-const LEVELS: usize = 60;
+const LEVELS: usize = 50;
 /// How flat ground is at least, by the height of what stands on it, and how much is cut at least.
 const FLATNESS: (f32, f32) = (0.012, 0.003);
 /// What is cut, in typical deviations of the ground from its plane.
@@ -170,7 +171,15 @@ impl Plane {
 
 /// Of planes, each a place and a normal, the one that lies best on ground.
 fn best_of(planes: impl Iterator<Item = (Vec3, Vec3)>, points: &[Oriented]) -> Option<Plane> {
-    planes.filter_map(|(place, normal)| Plane::of(place, normal, points)).max_by(|a, b| a.score.total_cmp(&b.score))
+    let is_worth_a_look = |(place, normal): &(Vec3, Vec3)| {
+        let above = |point: &Oriented| normal.dot(point.place - *place);
+        let few = &points[..FEW.min(points.len())];
+        let height = few.iter().map(|point| above(point).abs()).fold(0.0, f32::max);
+        let near = few.iter().filter(|point| above(point).abs() < FLATNESS.0 * height).count();
+        2.0 * near as f32 >= LEAST * few.len() as f32
+    };
+    let looked_at = planes.filter(is_worth_a_look);
+    looked_at.filter_map(|(place, normal)| Plane::of(place, normal, points)).max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
 /// Planes through three points each, drawn at random.
